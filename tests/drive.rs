@@ -24,8 +24,8 @@ const PACE: f64 = 0.05;
 struct Motors {
     port: u16,
     seen: Arc<Mutex<(Vec<EscState>, Counts)>>,
-    /// Ends it; and the cable of the adapter is out.
-    stop: Arc<[AtomicBool; 2]>,
+    /// Ends it; the cable of the adapter is out; the motors have no power.
+    stop: Arc<[AtomicBool; 3]>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -40,7 +40,7 @@ impl Motors {
     fn begin() -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
-        let (seen, stop) = (Arc::<Mutex<_>>::default(), Arc::<[AtomicBool; 2]>::default());
+        let (seen, stop) = (Arc::<Mutex<_>>::default(), Arc::<[AtomicBool; 3]>::default());
         let (told, end) = (Arc::clone(&seen), Arc::clone(&stop));
         let thread = Some(thread::spawn(move || run(listener, &told, &end)));
         Self { port, seen, stop, thread }
@@ -86,6 +86,8 @@ fn run(listener: TcpListener, told: &Mutex<(Vec<EscState>, Counts)>, end: &[Atom
     let mut listener = Some(listener);
     let began = Instant::now();
     while !end[0].load(Relaxed) {
+        let has_power = !end[2].load(Relaxed);
+        around.motors.iter().for_each(|it| it.set_power(has_power));
         let now = began.elapsed().mul_f64(PACE).as_micros();
         around.run(&mut tasks, Micros::new(now.try_into().unwrap()));
         adapter.hear();
@@ -312,8 +314,9 @@ fn wrong_adapters_are_told() {
         (vec![format!("--bus=0={there}")], "--bus 0: the robot has buses 1 to 3"),
         (vec![format!("--bus=1={there}"), format!("--bus=2={there}")], "one adapter for each bus"),
         (vec!["--bus=1=/dev/none".into()], "bus 1: /dev/none: there is no such port"),
+        // Without SocketCAN in it, or with it and no such interface.
         #[cfg(target_os = "linux")]
-        (vec!["--bus=1=can0".into()], "bus 1: can0: this program was built without SocketCAN"),
+        (vec!["--bus=1=can7".into()], "bus 1: can7: "),
         (vec!["--bus=1=tcp:127.0.0.1:1".into()], "bus 1: tcp:127.0.0.1:1: nothing answers there"),
     ] {
         let (code, text) = output(&arguments);
@@ -322,4 +325,10 @@ fn wrong_adapters_are_told() {
     let (code, text) = output(&[format!("--bus=1={there}")]);
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains(" frames heard, ") && text.contains(" ticks, "), "{text}");
+    assert!(!text.contains("nothing took the last frames"), "{text}");
+    // Nothing acknowledges: what the adapter has would leave when the motors have power again.
+    motors.stop[2].store(true, Relaxed);
+    let (code, text) = output(&[format!("--bus=1={there}")]);
+    let told = format!("bus 1: nothing took the last frames, and {there} may hold older ones");
+    assert!(code == Some(0) && text.contains(&told), "{text}");
 }

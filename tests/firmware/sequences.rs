@@ -98,8 +98,10 @@ impl Story {
         };
         quiet.extend(by_pc.map(|at| (heard(at, 15_000), arms, 2)));
         // A remote that is lost is not heard; then it is missed.
-        let within = if self.lost.is_empty() { 35_000 } else { 150_000 };
-        quiet.extend(by_remote.map(|at| (heard(at, within), arms, 2)));
+        quiet.extend(by_remote.map(|at| {
+            let is_lost = self.lost.iter().any(|[from, until]| *from < at + 35_000 && at < *until);
+            (heard(at, if is_lost { 150_000 } else { 35_000 }), arms, 2)
+        }));
         quiet.extend(self.lost.iter().map(|[at, until]| (at + 135_000, *until, 2)));
         quiet
     }

@@ -180,7 +180,10 @@ pub fn run(is_whole: bool) -> Result<()> {
         docs(&mut host(&format!("doc --no-deps {bsp}")))?;
         for (board, chip_name) in [("h723zg", "stm32h723zg"), (DM_MC02, "stm32h723vg")] {
             let features = format!("--features {board},embassy-stm32/{chip_name}");
-            docs(&mut chip(&format!("doc --no-deps --package rc10-board {features}"), None))?;
+            docs(&mut chip(
+                &format!("doc --release --no-deps --package rc10-board {features}"),
+                None,
+            ))?;
         }
         Ok(())
     });

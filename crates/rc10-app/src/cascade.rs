@@ -74,8 +74,6 @@ const SOFT_SLOPE: f32 = 100.0;
 const SOFT_TIME: f32 = 0.0205;
 /// Seconds: what a reference is away that began at a false speed, at its acceleration. Less is soon made up for.
 const FALSE_START: f32 = 0.2;
-/// Ticks from one search for that to the next: in each it would cost 20 instructions.
-const LOOKS: u32 = 16;
 
 /// Share of full scale below which the effort of an acceleration tells nothing of the load.
 const LEAST_LOAD: f32 = 0.01;
@@ -97,6 +95,8 @@ pub struct CascadeState {
     /// last; zero where it did not.
     reference: f32,
     limited: f32,
+    /// Whether it has been at its target since driving began.
+    arrived: bool,
     /// By which share the load is heavier than the feed-forward says.
     learned: f32,
     /// For the derivative alone, and only kept up if there is one.
@@ -164,6 +164,7 @@ impl CascadeState {
             asked: 0.0,
             reference: 0.0,
             limited: 0.0,
+            arrived: false,
             learned: 0.0,
             last_speed: 0.0,
             soft_time_left: 0.0,
@@ -269,7 +270,7 @@ impl CascadeState {
         // What is far away is approached as gently in a motion as any other angle.
         let ramped = self.approach(config, target, dt);
         let ramps = ramped != 0.0;
-        if ramps && count.is_multiple_of(LOOKS) {
+        if ramps && !self.arrived {
             self.doubt(config, target, measured);
         }
         let acceleration = if ramps { ramped } else { acceleration };
@@ -288,13 +289,14 @@ impl CascadeState {
         }
     }
 
-    /// A reference that is far from the target, and the shaft is not, began at a speed that was a false one, of a frame
-    /// that was not the device's. It goes on from the shaft, or from the target beyond.
+    /// A reference on its first way to a target, which has the shaft far behind it, began at a speed that was a false
+    /// one, of a frame that was not the device's. It goes on from the shaft, or from the target that the shaft is beyond.
     #[cold]
     fn doubt(&mut self, config: &Cascade, target: f32, measured: f32) {
         let (ahead, left) = (self.reference - measured, self.reference - target);
         if ahead * left > 0.0 && ahead.abs() > FALSE_START * config.acceleration.get() {
             self.reference = if left > 0.0 { measured.max(target) } else { measured.min(target) };
+            self.learned = 0.0;
         }
     }
 
@@ -324,7 +326,7 @@ impl CascadeState {
         let most = config.acceleration.get();
         let (gap, step) = (target - self.reference, most * dt.get());
         if gap.abs() <= step {
-            (self.reference, self.limited) = (target, 0.0);
+            (self.reference, self.limited, self.arrived) = (target, 0.0, true);
             return 0.0;
         }
         self.reference += step.copysign(gap);
@@ -387,7 +389,7 @@ impl CascadeState {
         // measured speed, with the effort that was asked for.
         if matches!(before, Active::Nothing | Active::Effort) {
             self.speed.preset(if before == Active::Effort { self.effort() } else { 0.0 });
-            self.reference = measured;
+            (self.reference, self.arrived) = (measured, false);
             self.last_speed = measured;
             self.learned = 0.0;
         }
@@ -429,13 +431,25 @@ mod tests {
         for ((false_speed, target), ticks) in speeds.into_iter().flat_map(|it| [(it, 1), (it, 300)])
         {
             let mut state = CascadeState::new();
-            for count in 1..=ticks {
-                state.seek(&CONFIG, &Seek::Speed(target), &Step { count, ..step(false_speed) });
+            for _ in 0..ticks {
+                state.seek(&CONFIG, &Seek::Speed(target), &step(false_speed));
             }
-            for count in 0..100 {
-                state.seek(&CONFIG, &Seek::Speed(target), &Step { count, ..step(10.0) });
+            // At once; and the last 50 rpm at its acceleration.
+            state.seek(&CONFIG, &Seek::Speed(target), &step(10.0));
+            assert!((10.0..=60.0).contains(&state.reference().abs()), "{}", state.reference());
+            for _ in 0..100 {
+                state.seek(&CONFIG, &Seek::Speed(target), &step(10.0));
             }
             assert!((state.reference() - target).abs() < 0.01, "{}", state.reference());
+        }
+        // One that has been at its target stays gentle, whatever is measured: a wheel may slip.
+        let mut state = CascadeState::new();
+        for _ in 0..500 {
+            state.seek(&CONFIG, &Seek::Speed(400.0), &step(400.0));
+        }
+        for tick in 1..=100_u8 {
+            state.seek(&CONFIG, &Seek::Speed(0.0), &step(0.0));
+            assert!((state.reference() - 400.0 + f32::from(tick)).abs() < 0.01);
         }
         // A shaft that was really that fast is slowed down as gently as ever.
         let mut state = CascadeState::new();

@@ -1,4 +1,4 @@
-//! Auto-aim on a PC beside the robot: the packets of `rm_vision`, as most `RoboMaster` teams have them.
+//! Auto-aim on a PC beside the robot: the packets of `rm_vision`, as many `RoboMaster` teams have them.
 //!
 //! | from the PC: bytes | | to the PC: bytes | |
 //! |---|---|---|---|
@@ -13,7 +13,7 @@
 //! Numbers are `f32`, little endian. The PC tracks; what is shot at, when, and at which angle is the robot's.
 //! Axes: from the gimbal's centre, x where it looked at power-on, y to the left, z up.
 //!
-//! Source: `rm_serial_driver` of `rm_vision` (Chen Jun, 2023), its `packet.hpp`; of armours the tracker of `rm_auto_aim`.
+//! Source: `rm_serial_driver` of `rm_vision` (Chen Jun, 2022 and 2023), its `packet.hpp`; of armours the tracker of `rm_auto_aim`.
 //! Teams change their copies: `docs/modules/vision.md`.
 
 use core::array;
@@ -167,7 +167,8 @@ impl Protocol for RmVision {
 }
 
 /// Speaks with the PC for ever: hands each target and its time to `hear`, and tells the gimbal at once and then in each
-/// period. What cannot be sent counts in [`Counters::port_errors`](crate::Counters::port_errors).
+/// period. What cannot be sent counts in [`Counters::port_errors`](crate::Counters::port_errors), and may cost the
+/// packet that is on its way here.
 ///
 /// `port` is as for [`listen`], and a `read` of it that is dropped must lose no byte.
 ///
@@ -218,6 +219,8 @@ impl<P: Read + Write, G: FnMut() -> Gimbal> Read for Telling<P, G> {
                 // Beforehand: a port that fails must not be tried again at once.
                 self.due = now + self.period;
                 self.port.write_all(&(self.gimbal)().packet()).await?;
+                // However long that took, it reads then.
+                self.due = self.due.max(Instant::now() + Duration::from_millis(1));
             } else if let Ok(result) = with_deadline(self.due, self.port.read(buffer)).await {
                 return result;
             }

@@ -3,13 +3,13 @@
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-use std::io::{ErrorKind, Read as _, Write as _};
+use std::io::{Error, ErrorKind, Read as _, Write as _};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixDatagram;
 use std::process::Command;
 
 use rc10_cli::formats::slcan::BELL;
-use rc10_cli::formats::slcan::socket::SocketPort;
+use rc10_cli::formats::slcan::socket::{SocketPort, is_full};
 
 /// Flags of an identifier: extended, a remote request, an error frame, whose class is bus-off.
 const EXTENDED: u32 = 1 << 31;
@@ -95,6 +95,13 @@ fn a_full_queue_bus_off_and_an_end_are_told() {
     drop(kernel);
     let end = port.write(b"t2000\r").unwrap_err();
     assert_ne!(end.kind(), ErrorKind::WouldBlock);
+}
+
+#[test]
+fn a_full_queue_of_linux_is_no_end() {
+    // ENOBUFS and EAGAIN; ENETDOWN and ENODEV.
+    assert!([105, 11].iter().all(|it| is_full(&Error::from_raw_os_error(*it))));
+    assert!([100, 19].iter().all(|it| !is_full(&Error::from_raw_os_error(*it))));
 }
 
 #[test]

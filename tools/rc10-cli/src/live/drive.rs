@@ -6,8 +6,7 @@
 //! sent only the newest leaves. After a PC that slept it is disarmed.
 
 use std::io::{ErrorKind, Write as _};
-use std::panic::resume_unwind;
-use std::thread::{JoinHandle, sleep, spawn};
+use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant, SystemTime};
 
 #[cfg(not(all(feature = "socketcan", target_os = "linux")))]
@@ -74,12 +73,13 @@ impl Adapter {
                     self.plug(port);
                 }
                 Ok(Err(why)) => self.trouble = Some(format!("{why:#}")),
-                Err(panicked) => resume_unwind(panicked),
+                // The other buses go on.
+                Err(_) => self.trouble = Some(format!("{}: it cannot be opened", self.at)),
             }
         } else if self.sought.is_none() && self.tried.elapsed() >= AGAIN {
             self.tried = Instant::now();
             let (bus, at) = (self.bus, self.at.clone());
-            self.sought = Some(spawn(move || open_adapter(bus, &at)));
+            self.sought = Builder::new().spawn(move || open_adapter(bus, &at)).ok();
         }
     }
 
@@ -267,12 +267,25 @@ impl<W: Running> Drop for Driven<'_, W> {
             return;
         }
         self.disarm();
+        let refused = |it: &Self| -> Vec<_> {
+            it.adapters.iter().map(|it| it.host.counts().refused).collect()
+        };
+        let before = refused(self);
         for _ in 0..LAST {
             if self.step().is_err() {
                 break;
             }
         }
-        for Adapter { bus, host, port, .. } in &mut self.adapters {
+        let took_all = before.into_iter().zip(refused(self)).map(|(before, now)| before == now);
+        for (Adapter { bus, at, host, port, .. }, took_all) in
+            self.adapters.iter_mut().zip(took_all)
+        {
+            if !took_all {
+                tell(format_args!(
+                    "bus {bus}: nothing took the last frames, and {at} may hold older ones, which drive: take it off the \
+                     bus (ip link set {at} down, or unplug it) before its motors have power"
+                ));
+            }
             if let Some(port) = port {
                 let _ = port.write_all(CLOSE).and_then(|()| port.flush());
             }

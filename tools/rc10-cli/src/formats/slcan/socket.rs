@@ -5,6 +5,7 @@ use std::os::fd::OwnedFd;
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::Frame as _;
+use rustix::io::Errno;
 use socketcan::{CanSocket, Socket as _, SocketOptions as _};
 
 use crate::formats::slcan::{BELL, Lines, SlcanCommand, write_frame};
@@ -28,6 +29,10 @@ impl SocketPort {
     /// Opens the interface of this name. Fails if there is none, or if it is down.
     pub fn open(name: &str) -> Result<Self> {
         let socket = CanSocket::open(name)?;
+        // Of an interface that is down it is the first word.
+        if let Some(error) = socket.as_raw_socket().take_error()? {
+            return Err(error);
+        }
         socket.set_error_filter(BUS_OFF)?;
         Self::with(socket)
     }
@@ -70,6 +75,12 @@ impl Read for SocketPort {
     }
 }
 
+/// Whether the socket's queue, or the interface's, takes no more. ENOBUFS has no kind of its own.
+pub fn is_full(error: &Error) -> bool {
+    error.kind() == ErrorKind::WouldBlock
+        || error.raw_os_error() == Some(Errno::NOBUFS.raw_os_error())
+}
+
 impl Write for SocketPort {
     fn write(&mut self, bytes: &[u8]) -> Result<usize> {
         for line in self.lines.take(bytes) {
@@ -81,14 +92,7 @@ impl Write for SocketPort {
             };
             let Some(sent) = sent else { continue };
             match self.socket.write_frame(&sent) {
-                // ENOBUFS has no kind of its own.
-                Err(error)
-                    if error.kind() == ErrorKind::WouldBlock
-                        || error.raw_os_error()
-                            == Some(rustix::io::Errno::NOBUFS.raw_os_error()) =>
-                {
-                    self.text.push(BELL);
-                }
+                Err(error) if is_full(&error) => self.text.push(BELL),
                 it => it?,
             }
         }
