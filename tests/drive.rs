@@ -24,7 +24,7 @@ const PACE: f64 = 0.05;
 struct Motors {
     port: u16,
     seen: Arc<Mutex<(Vec<EscState>, Counts)>>,
-    /// Ends it; the cable of the adapter is out; the motors have no power.
+    /// Ends it; the cable of the adapter is out; the bus is shorted.
     stop: Arc<[AtomicBool; 3]>,
     thread: Option<JoinHandle<()>>,
 }
@@ -73,7 +73,7 @@ fn drive(adapter: u16) -> (Started, u16) {
     (drive, page_of(&line))
 }
 
-fn run(listener: TcpListener, told: &Mutex<(Vec<EscState>, Counts)>, end: &[AtomicBool; 2]) {
+fn run(listener: TcpListener, told: &Mutex<(Vec<EscState>, Counts)>, end: &[AtomicBool; 3]) {
     let description = Description { buses: 1, ..team::Robot::description() };
     let motors = description.motors.iter().take_while(|it| it.on.to_string() == "bus 1");
     let motors = motors.cloned().collect();
@@ -86,8 +86,7 @@ fn run(listener: TcpListener, told: &Mutex<(Vec<EscState>, Counts)>, end: &[Atom
     let mut listener = Some(listener);
     let began = Instant::now();
     while !end[0].load(Relaxed) {
-        let has_power = !end[2].load(Relaxed);
-        around.motors.iter().for_each(|it| it.set_power(has_power));
+        around.wires[0].set_shorted(end[2].load(Relaxed));
         let now = began.elapsed().mul_f64(PACE).as_micros();
         around.run(&mut tasks, Micros::new(now.try_into().unwrap()));
         adapter.hear();
@@ -302,7 +301,8 @@ fn wrong_adapters_are_told() {
     let there = format!("tcp:127.0.0.1:{}", motors.port);
     let output = |arguments: &[String]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        command.args(["drive", "--page", "0", "--seconds", "1"]).stdout(Stdio::null());
+        command.args(["drive", "--page", "0", "--seconds", "0.3", "--pace", &PACE.to_string()]);
+        command.stdout(Stdio::null());
         let output = command.args(arguments).output().unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
     };
@@ -326,7 +326,7 @@ fn wrong_adapters_are_told() {
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains(" frames heard, ") && text.contains(" ticks, "), "{text}");
     assert!(!text.contains("nothing took the last frames"), "{text}");
-    // Nothing acknowledges: what the adapter has would leave when the motors have power again.
+    // What the adapter has would leave when the bus is whole again.
     motors.stop[2].store(true, Relaxed);
     let (code, text) = output(&[format!("--bus=1={there}")]);
     let told = format!("bus 1: nothing took the last frames, and {there} may hold older ones");

@@ -282,8 +282,8 @@ impl<W: Running> Drop for Driven<'_, W> {
         {
             if !took_all {
                 tell(format_args!(
-                    "bus {bus}: nothing took the last frames, and {at} may hold older ones, which drive: take it off the \
-                     bus (ip link set {at} down, or unplug it) before its motors have power"
+                    "bus {bus}: nothing took the last frames, and {at} may hold older ones, which drive: unplug it \
+                     before its motors have power"
                 ));
             }
             if let Some(port) = port {
