@@ -26,7 +26,7 @@ pub struct SocketPort {
 }
 
 impl SocketPort {
-    /// Opens the interface of this name. Fails if there is none, or if it is down.
+    /// Opens the interface of this name. Fails if it is missing or down.
     pub fn open(name: &str) -> Result<Self> {
         let socket = CanSocket::open(name)?;
         // Of an interface that is down it is the first word.
