@@ -37,6 +37,7 @@ mod new;
 mod order;
 mod plots;
 mod ports;
+mod power;
 mod properties;
 mod readme;
 mod record;

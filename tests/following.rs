@@ -190,7 +190,8 @@ fn each_wheel_gets_the_effort_of_its_share_of_the_body() {
         (Twist::new(0.0, 1.0, 0.0), [-ahead, ahead, ahead, -ahead]),
         (Twist::new(0.0, 0.0, 3.0), [-3.0 * round, 3.0 * round, -3.0 * round, 3.0 * round]),
     ] {
-        BASE.command(&mut (), shared, [Twist::STOP, change]);
+        let dt = rc10_app::Seconds::new(0.01);
+        BASE.command(&mut (), shared, [Twist::STOP, change], &mut (), dt);
         around.run(&mut tasks, around.world.now() + Micros::from_millis(3));
         for (name, effort) in BASE.wheels.into_iter().zip(effort) {
             let target = shared.motor(name).status().target;

@@ -3,18 +3,20 @@
 mod requests;
 
 use std::cell::{Cell, RefCell};
+use std::num::NonZeroU8;
 use std::pin::Pin;
 
 use crate::common::{motor, twin};
 use embassy_time::Timer;
-use rc10_app::{Amps, Degrees, Rpm};
+use rc10_app::{Amps, Degrees, Gear, Rpm};
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus, run_buses};
+use rc10_motor::vesc::{self, Vesc};
 use rc10_motor::{
-    ArmSwitch, Link, MotorBus, MotorId, Place, Request, RequestError, Response, Safety, Target,
-    TargetError, TargetKind, numbers,
+    ArmSwitch, CommandError, Link, MotorBus, MotorId, Place, Request, RequestError, Response,
+    Safety, Target, TargetError, TargetKind, numbers,
 };
 use rc10_sim::{BusConfig, Tasks, World};
 use rc10_time::Micros;
@@ -84,6 +86,60 @@ fn a_port_refuses_what_the_motor_cannot_do_where_it_is_asked() {
         assert!(missing.command(Target::Coast).is_err());
         assert_eq!(missing.request(Request::SetZero).await, Err(RequestError::NoSuchMotor));
     });
+}
+
+#[test]
+fn a_share_of_the_effort_is_withheld_from_one_command() {
+    with_wheel(400, async |shared, switch, _| {
+        let port = shared.motor(nth(0));
+        let efforts = async |withheld| {
+            let mut most = 0.0_f32;
+            for _ in 0..20 {
+                assert_eq!(port.command_within(Target::Speed(Rpm::new(5e4)), withheld), Ok(()));
+                Timer::after_millis(2).await;
+                most = most.max(port.status().feedback.effort().unwrap());
+            }
+            most
+        };
+        Timer::after_millis(20).await;
+        switch.arm().unwrap();
+        let [_, now] = port.tuning().unwrap();
+        let (some, none) = (efforts(0.95).await, efforts(1.0).await);
+        assert!((some - 0.05 * now.limit).abs() < 0.01 && none < some + 0.01, "{some} {none}");
+        assert!(port.status().feedback.effort().unwrap().abs() < 0.01, "nothing is left");
+        // The next command has all of it.
+        assert_eq!(port.command(Target::Speed(Rpm::new(5e4))), Ok(()));
+        Timer::after_millis(30).await;
+        let all = port.status().feedback.effort().unwrap();
+        assert!(all > 1.5 * some, "{all} of {}", now.limit);
+        assert_eq!(port.tuning().unwrap()[1], now);
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let refused = port.command_within(Target::Coast, bad);
+            assert_eq!(refused, Err(TargetError::NotFinite(TargetKind::Coast)));
+        }
+        assert_eq!(port.status().counters.refused.not_finite, 3);
+    });
+    // Nothing can be withheld from loops of a device: neither at its port nor at its bus.
+    let config = vesc::Config::new(
+        1,
+        vesc::ElectricalScale::new(NonZeroU8::MIN, Gear::DIRECT),
+        vesc::Currents { limit: Amps::new(9.0), brake: Amps::new(9.0), handbrake: Amps::new(9.0) },
+    );
+    let (mut flywheel, switch, shared) =
+        (Vesc::new(config).unwrap(), ArmSwitch::new(), BusPort::new());
+    let mut bus = MotorBus::new(&switch);
+    let flywheel = bus.attach(&mut flywheel, Safety::COAST).unwrap();
+    let wire = World::new(9).add_bus(BusConfig::default());
+    let target = Target::Speed(Rpm::new(10.0));
+    let refused = TargetError::OutOfRange(TargetKind::Speed);
+    let now = Micros::from_millis(1);
+    assert_eq!(bus.command_within(flywheel, target, 0.5, now), Err(CommandError::Target(refused)));
+    assert_eq!(bus.command_within(flywheel, target, 0.0, now), Ok(()));
+    let _runner = Runner::new(wire.port(), bus, &shared, now);
+    let port = shared.motor(flywheel);
+    assert_eq!(port.command_within(target, 0.5), Err(refused));
+    assert_eq!(port.command_within(target, 0.0), Ok(()));
+    assert_eq!(port.status().counters.refused.out_of_range, 1);
 }
 
 #[test]

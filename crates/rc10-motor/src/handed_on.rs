@@ -22,6 +22,9 @@ macro_rules! handed_on {
         fn loops(&self) -> Option<crate::Loops> {
             self.$($part)+.loops().into()
         }
+        fn withhold(&mut self, share: f32) {
+            self.$($part)+.withhold(share);
+        }
     };
     (@fault [$($part:tt)+]) => {
         fn fault(&self) -> Option<crate::Fault> {

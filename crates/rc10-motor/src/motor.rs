@@ -211,6 +211,10 @@ pub trait Motor: Send {
     fn loops(&self) -> Option<Loops> {
         None
     }
+
+    /// Withholds a share of the largest effort of its [`loops`](Self::loops), 0 ..= 1 (beyond is limited), from the
+    /// target that it has: of what drives the shaft. What brakes it has all of it, and so has the next target.
+    fn withhold(&mut self, _share: f32) {}
 }
 
 /// A motor on a CAN bus.

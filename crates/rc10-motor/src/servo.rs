@@ -56,6 +56,10 @@ pub struct Servo {
     /// Largest effort of the speed loop by its own gains.
     loop_limit: f32,
     limit: f32,
+    /// Share of its largest effort that the target does not get, 0 ..= 1.
+    withheld: f32,
+    /// Whether the loops have less than the limit.
+    is_limited: bool,
     /// Whether it followed its target in the last tick.
     ran: bool,
     state: CascadeState,
@@ -121,6 +125,8 @@ impl Servo {
             full,
             loop_limit: full,
             limit: full,
+            withheld: 0.0,
+            is_limited: false,
             ran: false,
             state: CascadeState::new(),
             springs: None,
@@ -162,7 +168,29 @@ impl Servo {
         if target.kind() != TargetKind::Impedance {
             self.spring = None;
         }
+        self.withheld = 0.0;
         Ok(())
+    }
+
+    /// Withholds a share of the largest effort, 0 ..= 1 (beyond is limited), from the target that it has: of what
+    /// drives the shaft. What brakes it has all of it, and so has the next target.
+    pub fn withhold(&mut self, share: f32) {
+        self.withheld = share.clamp(0.0, 1.0);
+        self.is_limited = true;
+    }
+
+    /// The loops of a tick with less than the limit, or of the first one that has all of it again. Returns full scale.
+    #[cold]
+    fn limit_tick(&mut self, is_jog: bool, measured: f32) -> f32 {
+        self.is_limited = is_jog || self.withheld > 0.0;
+        // It runs with gains from a PC: never with much effort.
+        let full = if is_jog { self.limit * JOG_SHARE } else { self.limit };
+        // By whether the last tick drove or braked, or this one is about to.
+        let effort = self.effort();
+        let push = if effort == 0.0 { self.state.reference() - measured } else { effort };
+        let withheld = if self.ran && push * measured >= 0.0 { self.withheld } else { 0.0 };
+        self.cascade.speed.output_limit = self.loop_limit.min(full) * (1.0 - withheld);
+        full
     }
 
     /// The target it has.
@@ -238,19 +266,12 @@ impl Servo {
             Gravity::None => 0.0,
             gravity => gravity.at(degrees_within_turn(shaft.phase())),
         };
-        let limit = self.limit;
-        if tick.is_jog {
-            // It runs with gains from a PC: never with much effort.
-            self.limit *= JOG_SHARE;
-            self.apply_limit();
+        let (measured, load, mut full) = (shaft.speed().get(), effort + weight, self.limit);
+        if self.is_limited || tick.is_jog {
+            full = self.limit_tick(tick.is_jog, measured);
         }
-        let (measured, load, full) = (shaft.speed().get(), effort + weight, self.limit);
         let step = Step { measured, load, full, dt: tick.dt, count: tick.count };
         self.state.seek(&self.cascade, &seek, &step);
-        if tick.is_jog {
-            self.limit = limit;
-            self.apply_limit();
-        }
     }
 
     /// Where a motion is after one more tick, and the effort that goes with it.
@@ -290,12 +311,19 @@ impl Servo {
 
     /// The speed loop never asks for more than the limit.
     const fn apply_limit(&mut self) {
-        self.cascade.speed.output_limit = self.loop_limit.min(self.limit);
+        self.cascade.speed.output_limit = self.own_limit();
+    }
+
+    /// The speed loop's limit, whatever the target withholds.
+    const fn own_limit(&self) -> f32 {
+        self.loop_limit.min(self.limit)
     }
 
     /// The quantity of its effort, its gains and limits.
     pub const fn loops(&self) -> Loops {
-        Loops { effort: self.effort, cascade: self.cascade }
+        let mut cascade = self.cascade;
+        cascade.speed.output_limit = self.own_limit();
+        Loops { effort: self.effort, cascade }
     }
 
     /// Carries out what a servo can: the zero of its shaft, gains, and the limit of its own effort.
@@ -432,6 +460,39 @@ mod tests {
         let effort = settled(&mut servo, DriveMode::Run, at(far - 1, 0.0));
         assert!((effort - 0.3).abs() < 1e-3, "{effort}");
         assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 5.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_share_of_the_effort_is_withheld_from_a_target_and_not_from_a_stop() {
+        let mut servo = servo();
+        for (withheld, most) in [(0.0, 5.0), (0.6, 2.0), (1.0, 0.0), (1.5, 0.0), (-1.0, 5.0)] {
+            for sign in [1.0, -1.0] {
+                let target = Target::Speed(Rpm::new(sign * 400.0));
+                servo.set_target(target).unwrap();
+                servo.withhold(withheld);
+                let effort = settled(&mut servo, DriveMode::Run, at(10, 0.0));
+                assert!((effort - sign * most).abs() < 1e-3, "{withheld}: {effort}");
+                // What its loops are is not what a target leaves of them.
+                assert!((servo.loops().cascade.speed.output_limit - 5.0).abs() < 1e-6);
+                for mode in [DriveMode::Brake, DriveMode::Hold] {
+                    let braked = settled(&mut servo, mode, at(10, sign * 400.0));
+                    assert!((braked + sign * 5.0).abs() < 1e-3, "{mode:?}: {braked}");
+                    // Another one, which comes too late, changes nothing of that.
+                    servo.set_target(target).unwrap();
+                    servo.withhold(withheld);
+                    let braked = settled(&mut servo, mode, at(10, sign * 400.0));
+                    assert!((braked + sign * 5.0).abs() < 1e-3, "{mode:?}: {braked}");
+                }
+                let effort = settled(&mut servo, DriveMode::Run, at(10, sign * 100.0));
+                assert!((effort - sign * most.min(5.0)).abs() < 1e-3, "{withheld} again: {effort}");
+                // It is turned the other way: that is to brake.
+                let braked = settled(&mut servo, DriveMode::Run, at(10, sign * -100.0));
+                assert!((braked - sign * 5.0).abs() < 1e-3, "{withheld}: {braked}");
+                servo.rest();
+            }
+        }
+        servo.set_target(Target::Speed(Rpm::new(400.0))).unwrap();
+        assert!((settled(&mut servo, DriveMode::Run, at(10, 0.0)) - 5.0).abs() < 1e-3);
     }
 
     #[test]

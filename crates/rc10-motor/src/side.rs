@@ -72,6 +72,13 @@ impl<D> Side<D> {
         }
     }
 
+    /// Withholds a share of the effort from the target it has; loops of the device have none of ours.
+    pub(crate) fn withhold(&mut self, share: f32) {
+        if let Self::Here(servo) = self {
+            servo.withhold(share);
+        }
+    }
+
     /// Carries out what a [`Servo`] can; for loops of the device only the zero.
     pub(crate) fn request(&mut self, request: Request, shaft: &mut Shaft) -> Outcome {
         match self {

@@ -2,14 +2,18 @@
 
 use rc10_app::swerve::Module;
 use rc10_app::{
-    Base, BaseMotion, Body, FieldFrame, Radians, Rpm, Seconds, Swerve, SwerveState, TotalAngle,
-    Twist, TwistLimiter, TwistLimits,
+    Base, BaseMotion, Body, FieldFrame, PowerConfig, Radians, Rpm, Seconds, Swerve, SwerveState,
+    TotalAngle, Twist, TwistLimiter, TwistLimits,
 };
 use rc10_module::remote::Remote;
 use rc10_motor::{Motion, Names, Target};
 
 use crate::common::Common;
 use crate::live::Live;
+
+mod power;
+
+pub use power::{BasePower, Grant, Limit};
 
 /// A base with the motors of its wheels: a constant in a robot's table, for a [`BaseDriver`].
 ///
@@ -118,13 +122,16 @@ pub trait Drive {
 
     /// Commands its wheels: the base has this twist now, in its own axes, which changes by this much a
     /// second. The wheels get speed, acceleration, and the effort that the body takes, and go on with
-    /// that until the next command. Where a number is not finite they refuse it, and that is counted.
+    /// that until the next command. Where a number is not finite they refuse it, and that is counted. Returns the
+    /// share of the change that the limit grants for the coming `dt`.
     fn command(
         &self,
         state: &mut Self::State,
         shared: &Common<'_, Self::Name, impl Live>,
         motion: [Twist; 2],
-    );
+        limit: &mut impl Limit,
+        dt: Seconds,
+    ) -> f32;
 }
 
 impl<N: Names, const WHEELS: usize> Drive for DrivenBase<N, WHEELS> {
@@ -139,20 +146,30 @@ impl<N: Names, const WHEELS: usize> Drive for DrivenBase<N, WHEELS> {
         self.measured(shared).twist
     }
 
-    fn command(&self, (): &mut (), shared: &Common<'_, N, impl Live>, [twist, change]: [Twist; 2]) {
+    fn command(
+        &self,
+        (): &mut (),
+        shared: &Common<'_, N, impl Live>,
+        [twist, change]: [Twist; 2],
+        limit: &mut impl Limit,
+        dt: Seconds,
+    ) -> f32 {
         let wheels = self.geometry.inverse(twist);
         let speeds = wheels.map_or([REFUSED; WHEELS], |wheels| wheels.speeds);
         let accelerations = self.geometry.accelerations(change);
         let torques = self.geometry.torques(&self.body, twist, change);
+        let Grant { share, withheld } =
+            limit.grant(shared, self.wheels, self.torque_constant, torques, dt);
         for (at, name) in self.wheels.into_iter().enumerate() {
             let motion = Motion {
                 speed: speeds[at],
-                acceleration: accelerations[at],
-                inertia: torques[at].get() / self.torque_constant,
+                acceleration: accelerations[at] * share,
+                inertia: torques[at].get() / self.torque_constant * share,
                 ..Motion::default()
             };
-            shared.command(name, Target::Motion(motion));
+            shared.command_within(name, Target::Motion(motion), withheld[at]);
         }
+        share
     }
 }
 
@@ -173,26 +190,32 @@ impl<N: Names, const MODULES: usize> Drive for DrivenSwerve<N, MODULES> {
         state: &mut SwerveState<MODULES>,
         shared: &Common<'_, N, impl Live>,
         motion: [Twist; 2],
-    ) {
+        limit: &mut impl Limit,
+        dt: Seconds,
+    ) -> f32 {
         let angles = self.modules(shared).map(|module| module.angle);
         let Ok(motions) = state.motions(&self.geometry, &self.body, motion, angles) else {
             for name in self.drives {
                 shared.command(name, Target::Speed(REFUSED));
             }
-            return;
+            return 1.0;
         };
+        let torques = motions.each_ref().map(|motion| motion.torque);
+        let Grant { share, withheld } =
+            limit.grant(shared, self.drives, self.torque_constant, torques, dt);
         for (at, motion) in motions.into_iter().enumerate() {
             let drive = Motion {
                 speed: motion.module.speed,
-                acceleration: motion.acceleration,
-                inertia: motion.torque.get() / self.torque_constant,
+                acceleration: motion.acceleration * share,
+                inertia: motion.torque.get() / self.torque_constant * share,
                 ..Motion::default()
             };
             let angle = Some(motion.module.angle.plus(self.ahead[at]));
             let steer = Motion { angle, speed: motion.turning, ..Motion::default() };
-            shared.command(self.drives[at], Target::Motion(drive));
+            shared.command_within(self.drives[at], Target::Motion(drive), withheld[at]);
             shared.command(self.steers[at], Target::Motion(steer));
         }
+        share
     }
 }
 
@@ -203,8 +226,10 @@ const REFUSED: Rpm = Rpm::new(f32::NAN);
 ///
 /// It takes over the motion that the wheels have when it begins, for the robot may be rolling. A twist that is
 /// not finite is refused by the wheels' motors, and counted there.
-pub struct BaseDriver<'b, B: Drive> {
+pub struct BaseDriver<'b, B: Drive, L = ()> {
     base: &'b B,
+    /// What its wheels' efforts are kept within.
+    pub limit: L,
     state: B::State,
     /// The twist that the wheels are brought to, once it drives.
     commanded: Option<Twist>,
@@ -216,13 +241,22 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
     /// Creates the driver of a base that rests.
     #[must_use]
     pub fn new(base: &'b B) -> Self {
-        Self { base, state: B::State::default(), commanded: None, in_field: None }
+        Self { base, limit: (), state: B::State::default(), commanded: None, in_field: None }
     }
 
+    /// The same within a limit of power; `limit.hear(..)` what the referee says.
+    #[must_use]
+    pub fn within(self, config: &'b PowerConfig) -> BaseDriver<'b, B, BasePower<'b>> {
+        let Self { base, limit: (), state, commanded, in_field } = self;
+        BaseDriver { base, limit: BasePower::new(config), state, commanded, in_field }
+    }
+}
+
+impl<B: Drive, L: Limit> BaseDriver<'_, B, L> {
     /// Lets it rest: without commands its bus makes the wheels safe. Call it while the robot does not
     /// [obey](Common::obey).
     pub fn rest(&mut self) {
-        *self = Self::new(self.base);
+        (self.state, self.commanded, self.in_field) = (B::State::default(), None, None);
     }
 
     /// Returns the twist that it has been commanded; a standstill while it rests.
@@ -249,7 +283,10 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
         let from = self.begin(shared);
         let limiter = self.in_field.get_or_insert_with(|| begun(from.out_of_frame(heading)));
         let to = limiter.update(self.base.limits().0, wish, dt).ok();
-        self.go(shared, from, to.map(|twist| twist.into_frame(heading)), dt);
+        if self.go(shared, from, to.map(|twist| twist.into_frame(heading)), dt) < 1.0 {
+            // It goes on from what was granted.
+            self.in_field = Some(begun(self.commanded().out_of_frame(heading)));
+        }
     }
 
     /// Follows a motion that keeps the limits by itself, such as a path's: its mean twist in the coming `dt`, and
@@ -263,7 +300,8 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
         let half = change * (0.5 * dt.get());
         self.commanded = Some(twist + half).filter(|twist| twist.is_finite()).or(self.commanded);
         self.in_field = None;
-        self.base.command(&mut self.state, shared, [twist - half, change]);
+        let motion = [twist - half, change];
+        self.base.command(&mut self.state, shared, motion, &mut self.limit, dt);
     }
 
     fn begin(&self, shared: &Common<'_, B::Name, impl Live>) -> Twist {
@@ -276,11 +314,14 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
         from: Twist,
         to: Option<Twist>,
         dt: Seconds,
-    ) {
-        self.commanded = Some(to.unwrap_or(from));
+    ) -> f32 {
         let nothing = Twist::new(REFUSED.get(), 0.0, 0.0);
         let motion = to.map_or([nothing; 2], |to| [from, (to - from) * (1.0 / dt.get())]);
-        self.base.command(&mut self.state, shared, motion);
+        let share = self.base.command(&mut self.state, shared, motion, &mut self.limit, dt);
+        // All of it as it is: the same bits as without a limit.
+        let granted = to.map(|to| if share < 1.0 { from + (to - from) * share } else { to });
+        self.commanded = Some(granted.unwrap_or(from));
+        share
     }
 }
 

@@ -165,7 +165,12 @@ impl<N: Names, OWN> Common<'_, N, OWN> {
     /// A motor that refuses it (a number that is not finite, a kind it does not take) keeps the old
     /// one until that expires, and then is safe. The status names the motor and the reason.
     pub fn command(&self, name: N, target: Target) {
-        if let Err(why) = self.motor(name).command(target) {
+        self.command_within(name, target, 0.0);
+    }
+
+    /// The same, with a share of its largest effort [withheld](rc10_motor::embassy::MotorPort::command_within).
+    pub fn command_within(&self, name: N, target: Target, withheld: f32) {
+        if let Err(why) = self.motor(name).command_within(target, withheld) {
             self.refused.set((name, why), rc10_message::now());
         }
     }

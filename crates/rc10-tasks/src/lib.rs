@@ -27,7 +27,7 @@ pub mod status_led;
 pub mod supply;
 
 pub use arming::{Arming, ArmingConfig, ArmingError, Axis, SwitchAt, SwitchName};
-pub use base::{BaseDriver, Drive, DrivenBase, DrivenSwerve};
+pub use base::{BaseDriver, BasePower, Drive, DrivenBase, DrivenSwerve, Grant, Limit};
 pub use common::{Changes, Common};
 pub use program::{Declared, Program};
 pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};

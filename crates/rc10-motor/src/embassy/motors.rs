@@ -1,5 +1,5 @@
 use core::cell::{Cell, RefCell};
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -23,9 +23,11 @@ pub struct MotorPorts<S, const N: usize> {
 }
 
 struct MotorCell {
-    /// Whether there is a command in the mail. The bus asks in every tick.
-    commanded: AtomicBool,
+    /// Whether there is a command in the mail, [`PLAIN`] or [`LIMITED`]. The bus asks in every tick.
+    commanded: AtomicU8,
     command: Mutex<CriticalSectionRawMutex, Cell<Option<Target>>>,
+    /// The share that a limited command withholds, as bits.
+    withheld: AtomicU32,
     supports: Mutex<CriticalSectionRawMutex, Cell<TargetSet>>,
     status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
     /// Targets that did not come as far as the mail.
@@ -33,6 +35,11 @@ struct MotorCell {
     /// The tuning as declared, and as of the last request.
     tuning: Mutex<CriticalSectionRawMutex, Cell<Option<[Tuning; 2]>>>,
 }
+
+/// A command with all of the motor's effort.
+const PLAIN: u8 = 1;
+/// One from which a share is withheld.
+const LIMITED: u8 = 2;
 
 /// Requests to the motors of a bus that may wait at once.
 const CALLERS: usize = 4;
@@ -44,14 +51,20 @@ type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
 impl MotorCell {
     /// The newest command that the bus has not taken yet.
     #[inline]
-    fn take_command(&self) -> Option<Target> {
+    fn take_command(&self) -> Option<(Target, f32)> {
         // Before the mail is looked at: what comes now is seen now or next time.
-        if !self.commanded.load(Ordering::Acquire) {
+        let commanded = self.commanded.load(Ordering::Acquire);
+        if commanded == 0 {
             return None;
         }
-        self.commanded.store(false, Ordering::Release);
-        self.command.lock(Cell::take)
+        self.commanded.store(0, Ordering::Release);
+        let withheld = match commanded {
+            LIMITED => f32::from_bits(self.withheld.load(Ordering::Relaxed)),
+            _ => 0.0,
+        };
+        self.command.lock(Cell::take).map(|target| (target, withheld))
     }
+
     fn refuse(&self, error: TargetError) {
         self.refused.lock(|place| {
             let mut refused = place.get();
@@ -67,8 +80,9 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
         Self {
             cells: [const {
                 MotorCell {
-                    commanded: AtomicBool::new(false),
+                    commanded: AtomicU8::new(0),
                     command: Mutex::new(Cell::new(None)),
+                    withheld: AtomicU32::new(0),
                     supports: Mutex::new(Cell::new(TargetSet::NONE)),
                     status: Mutex::new(RefCell::new(MotorStatus::NEW)),
                     refused: Mutex::new(Cell::new(Refusals::NONE)),
@@ -130,9 +144,9 @@ impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
     #[inline]
     pub(super) fn take<M: Motor + ?Sized>(&mut self, motors: &mut Motors<'_, M, N>, now: Micros) {
         for (motor, cell) in motors.ids().zip(&self.ports.cells) {
-            if let Some(target) = cell.take_command() {
+            if let Some((target, withheld)) = cell.take_command() {
                 // The port has checked it; what the motor refuses all the same is counted.
-                let _ = motors.command(motor, target, now);
+                let _ = motors.command_within(motor, target, withheld, now);
             }
         }
         let cells = &self.ports.cells;
@@ -207,13 +221,36 @@ impl MotorPort<'_> {
     /// bus is not running yet every target is unsupported. The motor keeps the target it had until
     /// that expires; [`MotorCounters::refused`](crate::MotorCounters::refused) counts it.
     pub fn command(&self, target: Target) -> Result<(), TargetError> {
-        let cell = self.cell.ok_or(TargetError::Unsupported(target.kind()))?;
-        if let Err(error) = cell.supports.lock(Cell::get).accepts(&target) {
+        self.command_within(target, 0.0)
+    }
+
+    /// The same, with a share of the motor's largest effort withheld from this target, 0 ..= 1 (beyond is limited): a
+    /// limit of power. What brakes the shaft has all of it.
+    ///
+    /// # Errors
+    /// [`TargetError`] as above; `OutOfRange` if the device closes the motor's loops, and a share is withheld.
+    pub fn command_within(&self, target: Target, withheld: f32) -> Result<(), TargetError> {
+        let kind = target.kind();
+        let cell = self.cell.ok_or(TargetError::Unsupported(kind))?;
+        let accepted = cell.supports.lock(Cell::get).accepts(&target);
+        let checked = accepted.and_then(|()| {
+            if withheld == 0.0 {
+                Ok(())
+            } else if !withheld.is_finite() {
+                Err(TargetError::NotFinite(kind))
+            } else if self.tuning().is_none() {
+                Err(TargetError::OutOfRange(kind))
+            } else {
+                Ok(())
+            }
+        });
+        if let Err(error) = checked {
             cell.refuse(error);
             return Err(error);
         }
         cell.command.lock(|command| command.set(Some(target)));
-        cell.commanded.store(true, Ordering::Release);
+        cell.withheld.store(withheld.to_bits(), Ordering::Relaxed);
+        cell.commanded.store(if withheld == 0.0 { PLAIN } else { LIMITED }, Ordering::Release);
         Ok(())
     }
 
