@@ -15,8 +15,8 @@ use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus, run_buses};
 use rc10_motor::vesc::{self, Vesc};
 use rc10_motor::{
-    ArmSwitch, CommandError, Link, MotorBus, MotorId, Place, Request, RequestError, Response,
-    Safety, Target, TargetError, TargetKind, numbers,
+    ArmSwitch, Link, MotorBus, MotorId, Place, Request, RequestError, Response, Safety, Target,
+    TargetError, TargetKind, numbers,
 };
 use rc10_sim::{BusConfig, Tasks, World};
 use rc10_time::Micros;
@@ -119,7 +119,7 @@ fn a_share_of_the_effort_is_withheld_from_one_command() {
         }
         assert_eq!(port.status().counters.refused.not_finite, 3);
     });
-    // Nothing can be withheld from loops of a device: neither at its port nor at its bus.
+    // Nothing can be withheld from loops of a device.
     let config = vesc::Config::new(
         1,
         vesc::ElectricalScale::new(NonZeroU8::MIN, Gear::DIRECT),

@@ -380,7 +380,9 @@ impl CanIds {
     }
 }
 
-/// An identifier of both that nothing tells apart. Loops in place of iterators: constants ask, too.
+/// An identifier of both that nothing tells apart. Loops in place of iterators: constants ask, too. Asked once at the
+/// start, so it stands in the firmware once.
+#[inline(never)]
 const fn shared(ours: &[Frames], theirs: &[Frames], pair: Pair) -> Option<IdPattern> {
     let mut one = 0;
     while one < ours.len() {

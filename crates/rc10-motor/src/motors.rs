@@ -239,11 +239,9 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         self.command_within(motor, target, 0.0, now)
     }
 
-    /// The same, with a share of the motor's largest effort [withheld](Motor::withhold) from this target.
-    ///
-    /// # Errors
-    /// [`CommandError`]; the old target stays. `OutOfRange` for a motor whose device closes the loops.
-    pub fn command_within(
+    /// The same, with a share of the motor's largest effort [withheld](Motor::withhold) from this target: of a motor
+    /// whose loops run here.
+    pub(crate) fn command_within(
         &mut self,
         motor: MotorId,
         target: Target,
@@ -251,12 +249,8 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         now: Micros,
     ) -> Result<(), CommandError> {
         let Slot { motor, supervision } = self.slot_mut(motor).ok_or(CommandError::NoSuchMotor)?;
-        let is_limited = withheld > 0.0;
-        if is_limited && motor.loops().is_none() {
-            return Err(CommandError::Target(TargetError::OutOfRange(target.kind())));
-        }
         supervision.command(&mut **motor, target, now).map_err(CommandError::Target)?;
-        if is_limited {
+        if withheld > 0.0 {
             motor.withhold(withheld);
         }
         Ok(())

@@ -52,7 +52,7 @@ pub mod prelude {
     pub use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
     pub use rc10_motor::{ArmState, Entry, Names, Request, Safety, Target};
     pub use rc10_tasks::{
-        Arming, ArmingConfig, Axis, BaseDriver, BasePower, Drive, DrivenBase, DrivenSwerve, Program,
+        Arming, ArmingConfig, Axis, BaseDriver, Drive, DrivenBase, DrivenSwerve, Program,
     };
     pub use rc10_time::Micros;
 }
