@@ -16,7 +16,7 @@ use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus, run_bus
 use rc10_motor::vesc::{self, Vesc};
 use rc10_motor::{
     ArmSwitch, Link, MotorBus, MotorId, Place, Request, RequestError, Response, Safety, Target,
-    TargetError, TargetKind, numbers,
+    TargetError, TargetKind, Withheld, numbers,
 };
 use rc10_sim::{BusConfig, Tasks, World};
 use rc10_time::Micros;
@@ -88,11 +88,14 @@ fn a_port_refuses_what_the_motor_cannot_do_where_it_is_asked() {
     });
 }
 
+const HALF: Withheld = Withheld { driving: 0.5, braking: 0.0 };
+
 #[test]
 fn a_share_of_the_effort_is_withheld_from_one_command() {
     with_wheel(400, async |shared, switch, _| {
         let port = shared.motor(nth(0));
-        let efforts = async |withheld| {
+        let efforts = async |driving| {
+            let withheld = Withheld { driving, braking: 0.0 };
             let mut most = 0.0_f32;
             for _ in 0..20 {
                 assert_eq!(port.command_within(Target::Speed(Rpm::new(5e4)), withheld), Ok(()));
@@ -114,10 +117,15 @@ fn a_share_of_the_effort_is_withheld_from_one_command() {
         assert!(all > 1.5 * some, "{all} of {}", now.limit);
         assert_eq!(port.tuning().unwrap()[1], now);
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let refused = port.command_within(Target::Coast, bad);
-            assert_eq!(refused, Err(TargetError::NotFinite(TargetKind::Coast)));
+            let withheld = Withheld { driving: 0.0, braking: bad };
+            let refused = port.command_within(Target::Speed(Rpm::ZERO), withheld);
+            assert_eq!(refused, Err(TargetError::NotFinite(TargetKind::Speed)));
         }
-        assert_eq!(port.status().counters.refused.not_finite, 3);
+        // An effort that is asked for is not one of loops.
+        let current = port.command_within(Target::Current(Amps::new(1.0)), HALF);
+        assert_eq!(current, Err(TargetError::OutOfRange(TargetKind::Current)));
+        let refused = port.status().counters.refused;
+        assert_eq!((refused.not_finite, refused.out_of_range), (3, 1));
     });
     // Nothing can be withheld from loops of a device.
     let config = vesc::Config::new(
@@ -133,12 +141,10 @@ fn a_share_of_the_effort_is_withheld_from_one_command() {
     let target = Target::Speed(Rpm::new(10.0));
     let refused = TargetError::OutOfRange(TargetKind::Speed);
     let now = Micros::from_millis(1);
-    assert_eq!(bus.command_within(flywheel, target, 0.5, now), Err(CommandError::Target(refused)));
-    assert_eq!(bus.command_within(flywheel, target, 0.0, now), Ok(()));
     let _runner = Runner::new(wire.port(), bus, &shared, now);
     let port = shared.motor(flywheel);
-    assert_eq!(port.command_within(target, 0.5), Err(refused));
-    assert_eq!(port.command_within(target, 0.0), Ok(()));
+    assert_eq!(port.command_within(target, HALF), Err(refused));
+    assert_eq!(port.command_within(target, Withheld::NONE), Ok(()));
     assert_eq!(port.status().counters.refused.out_of_range, 1);
 }
 

@@ -7,7 +7,9 @@ use std::collections::VecDeque;
 use std::f64::consts::PI;
 use std::rc::Rc;
 
-use rc10_app::{Body, Joules, PowerConfig, PowerModel, Rpm, Seconds, Twist, TwistLimits, Watts};
+use rc10_app::{
+    Body, Joules, PowerConfig, PowerModel, Radians, Rpm, Seconds, Twist, TwistLimits, Watts,
+};
 use rc10_cli::world::environment::Environment;
 use rc10_cli::{Base, Description, Plant, Robot, Simulated as _};
 use rc10_motor::Place::Bus;
@@ -18,7 +20,7 @@ use rc10_sim::{Esc, Nanos, SerialDevice as _};
 
 use rc10_sim::referee::{Referee, Season};
 use rc10_tasks::live::Live;
-use rc10_tasks::{BaseDriver, BasePower, Common, Drive, DrivenBase, Limit};
+use rc10_tasks::{BaseDriver, BasePower, Common, Drive, DrivenBase, DrivenSwerve, Limit};
 use rc10_time::Micros;
 
 rc10_motor::motors! {
@@ -64,9 +66,12 @@ struct Driven {
     highest: f64,
     /// Way of the base, m, with a turn of 1 rad as 0.3 m.
     way: f64,
-    /// Heading and way to the side at the end.
+    /// Pose at the end.
     yaw: f64,
+    ahead: f64,
     aside: f64,
+    /// The least torque of a motor at the end, by the greatest.
+    torques: f64,
     health: u16,
 }
 
@@ -84,6 +89,16 @@ impl Random {
 /// What is wished for, and the limit of the referee, W; `None`: it is silent.
 type Wish<'w> = &'w mut dyn FnMut(u64) -> (Twist, Option<u16>);
 
+/// Where a base drives.
+#[derive(Clone, Copy, PartialEq)]
+enum On {
+    Floor,
+    /// By the axes of the field, in which its heading is known.
+    Field,
+    /// Its wheels cannot turn.
+    Wall,
+}
+
 /// Drives the omni base for some seconds by this driver; `truth` is what the motors take.
 fn omni<L: Limit>(
     driver: BaseDriver<'_, DrivenBase<Name, 4>, L>,
@@ -91,6 +106,7 @@ fn omni<L: Limit>(
     truth: &PowerModel,
     seconds: u64,
     wish: Wish<'_>,
+    on: On,
 ) -> Driven {
     let description = Description {
         base: Some(Base::of(BASE.wheels, &BASE.geometry).with_mass(18.0)),
@@ -102,11 +118,15 @@ fn omni<L: Limit>(
     let around = Environment::new(&description, 1).unwrap();
     let buses = motors.start(&shared.switch).unwrap().buses;
     let robot = Robot::on(description, buses, [], &shared);
-    drive(robot, around, &shared, driver, hear, truth, seconds, wish)
+    drive(robot, around, &shared, driver, hear, truth, seconds, wish, on)
 }
 
 /// The same of the example's swerve base, whose steering counts as others.
-fn swerve(seed: u64) -> Driven {
+fn swerve<L: Limit>(
+    driver: BaseDriver<'static, DrivenSwerve<swerve::Name, 4>, L>,
+    hear: impl Fn(&mut L, Watts, Joules),
+    seed: u64,
+) -> Driven {
     let ports = swerve::Ports::new();
     let shared = swerve::Shared::new(&ports);
     let mut motors = swerve::Motors::new();
@@ -114,10 +134,7 @@ fn swerve(seed: u64) -> Driven {
     let around = Environment::new(&description, 1).unwrap();
     let buses = motors.start(&shared.switch).unwrap().buses;
     let robot = Robot::on(description, buses, [], &shared);
-    let mut driver = BaseDriver::new(&swerve::table::BASE).within(&POWER);
-    driver.limit.others = Watts::new(8.0);
-    let hear = |limit: &mut BasePower<'_>, watts, joules| limit.hear(watts, joules);
-    drive(robot, around, &shared, driver, hear, &truth(seed), 20, &mut any(seed))
+    drive(robot, around, &shared, driver, hear, &truth(seed), 20, &mut any(seed), On::Floor)
 }
 
 #[expect(clippy::too_many_arguments, reason = "of two robots whose names are other types")]
@@ -130,7 +147,13 @@ fn drive<'r, N: Names + 'r, B: Drive<Name = N>, L: Limit + 'r>(
     truth: &PowerModel,
     seconds: u64,
     wish: Wish<'_>,
+    on: On,
 ) -> Driven {
+    if on == On::Wall {
+        around.motors.iter().for_each(|motor| motor.set_travel(Some([0.0, 0.0])));
+    }
+    let heading = Rc::new(Cell::new(Radians::new(0.0)));
+    let faces = heading.clone();
     let (wished, said) = (Rc::new(Cell::new(Twist::STOP)), Rc::new(Cell::new(None)));
     let (wishes, sayings) = (wished.clone(), said.clone());
     let mut tasks = robot
@@ -144,7 +167,14 @@ fn drive<'r, N: Names + 'r, B: Drive<Name = N>, L: Limit + 'r>(
                     continue;
                 }
                 let _ = shared.switch.arm();
-                driver.drive(shared, wishes.get(), Seconds::new(0.01));
+                let (wish, dt) = (wishes.get(), Seconds::new(0.01));
+                match on {
+                    On::Field => {
+                        let wish = Twist::new(wish.vx, wish.vy, wish.wz);
+                        driver.drive_in_field(shared, wish, faces.get(), dt);
+                    }
+                    _ => driver.drive(shared, wish, dt),
+                }
             }
         })
         .tasks(&around)
@@ -165,7 +195,9 @@ fn drive<'r, N: Names + 'r, B: Drive<Name = N>, L: Limit + 'r>(
             (power + per_speed * speed.abs()).max(0.0)
         };
         drawn += 1e-3 * (idle + around.motors.iter().map(one).sum::<f64>());
-        let at = around.base.as_ref().unwrap().twist();
+        let base = around.base.as_ref().unwrap();
+        heading.set(Radians::new(base.pose().yaw as f32));
+        let at = base.twist();
         driven.way += 1e-3 * (at.x.hypot(at.y) + 0.3 * at.yaw.abs());
         if millis % 100 == 0 {
             referee.limit = limit.unwrap_or(referee.limit);
@@ -180,7 +212,11 @@ fn drive<'r, N: Names + 'r, B: Drive<Name = N>, L: Limit + 'r>(
         }
     }
     let pose = around.base.as_ref().unwrap().pose();
-    (driven.yaw, driven.aside, driven.health) = (pose.yaw, pose.y, referee.health);
+    (driven.yaw, driven.ahead, driven.aside) = (pose.yaw, pose.x, pose.y);
+    driven.health = referee.health;
+    let torques = around.motors.iter().map(|motor| motor.state().torque.abs());
+    driven.torques = torques.clone().fold(f64::INFINITY, f64::min);
+    driven.torques /= torques.fold(0.0, f64::max);
     driven
 }
 
@@ -229,10 +265,10 @@ fn the_buffer_keeps_5_j_whatever_is_driven() {
     for seed in 0..number_of_drives() {
         let (truth, driver) = (truth(seed), || BaseDriver::new(&BASE));
         let hear = |limit: &mut BasePower<'_>, watts, joules| limit.hear(watts, joules);
-        let within = omni(driver().within(&POWER), hear, &truth, 30, &mut any(seed));
+        let within = omni(driver().within(&POWER), hear, &truth, 30, &mut any(seed), On::Floor);
         let known = PowerConfig { model: truth, uncertainty: 1.01, ..POWER };
-        let knows = omni(driver().within(&known), hear, &truth, 30, &mut any(seed));
-        let free = omni(driver(), |(), _, _| {}, &truth, 30, &mut any(seed));
+        let knows = omni(driver().within(&known), hear, &truth, 30, &mut any(seed), On::Floor);
+        let free = omni(driver(), |(), _, _| {}, &truth, 30, &mut any(seed), On::Floor);
         println!(
             "drive {seed}: lowest {:.1} J, without a limit {:.1}; at most {:.0} W and {:.0}; way {:.1} m, \
              {:.1} with the true model, {:.1} without a limit",
@@ -257,11 +293,21 @@ fn the_buffer_keeps_5_j_whatever_is_driven() {
 
 #[test]
 fn a_swerve_base_keeps_it_too() {
+    let mut needed = 0;
     for seed in 0..number_of_drives() {
-        let driven = swerve(seed);
-        println!("drive {seed}: {driven:?}");
-        assert!(driven.lowest >= 5.0 && driven.way > 10.0, "drive {seed}: {driven:?}");
+        let driver = || BaseDriver::new(&swerve::table::BASE);
+        let mut limited = driver().within(&POWER);
+        limited.limit.others = Watts::new(8.0);
+        let hear = |limit: &mut BasePower<'_>, watts, joules| limit.hear(watts, joules);
+        let (driven, free) = (swerve(limited, hear, seed), swerve(driver(), |(), _, _| {}, seed));
+        println!(
+            "drive {seed}: {driven:?}, without a limit {:.1} J, {:.1} m",
+            free.lowest, free.way
+        );
+        assert!(driven.lowest >= 5.0 && driven.way > 0.5 * free.way, "drive {seed}: {driven:?}");
+        needed += u32::from(free.lowest < 5.0);
     }
+    assert!(needed > 0, "these drives need no limit");
 }
 
 #[test]
@@ -270,8 +316,35 @@ fn it_keeps_its_direction() {
     let wish = &mut |_| (Twist::new(2.5, 0.0, 0.0), Some(45));
     let hear = |limit: &mut BasePower<'_>, watts, joules| limit.hear(watts, joules);
     let driver = BaseDriver::new(&BASE).within(&POWER);
-    let within = omni(driver, hear, &POWER.model, 4, wish);
+    let within = omni(driver, hear, &POWER.model, 4, wish, On::Floor);
     println!("{within:?}");
     assert!(within.yaw.abs() < 0.02 && within.aside.abs() < 0.05, "{within:?}");
     assert!(within.way > 8.0 && within.lowest >= 5.0, "{within:?}");
+}
+
+#[test]
+fn a_base_that_spins_goes_where_it_is_sent_in_the_field() {
+    let wish = |millis| (Twist::new(if millis < 2500 { 2.5 } else { -2.5 }, 0.0, 4.0), Some(45));
+    let hear = |limit: &mut BasePower<'_>, watts, joules| limit.hear(watts, joules);
+    let driver = || BaseDriver::new(&BASE);
+    let model = &POWER.model;
+    let within = omni(driver().within(&POWER), hear, model, 5, &mut { wish }, On::Field);
+    let free = omni(driver(), |(), _, _| {}, model, 5, &mut { wish }, On::Field);
+    println!("{within:?}\n{free:?}");
+    assert!(within.lowest >= 5.0 && free.lowest < 5.0, "{within:?}");
+    // It lags behind its heading in any case.
+    assert!((within.aside - free.aside).abs() < 0.1 * within.way, "{within:?} {free:?}");
+}
+
+#[test]
+fn against_a_wall_it_pushes_as_hard_as_it_may_with_every_wheel_to_any_side() {
+    for [x, y, turn] in [[2.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, -6.0]] {
+        let wish = &mut |_| (Twist::new(x, y, turn), Some(60));
+        let hear = |limit: &mut BasePower<'_>, watts, joules| limit.hear(watts, joules);
+        let driver = BaseDriver::new(&BASE).within(&POWER);
+        let within = omni(driver, hear, &POWER.model, 8, wish, On::Wall);
+        println!("{within:?}");
+        assert!(within.lowest >= 5.0 && within.highest > 80.0, "{x} {y} {turn}: {within:?}");
+        assert!(within.torques > 0.9, "{x} {y} {turn}: {within:?}");
+    }
 }

@@ -7,6 +7,7 @@ use rc10_time::Micros;
 use team::{Motors, Ports, Shared};
 
 use crate::common::scratch::Scratch;
+use crate::interop_python::{python, script};
 
 /// What the command prints, or its error.
 fn tune(arguments: &[&str]) -> Result<String, String> {
@@ -53,6 +54,50 @@ fn a_record_of_ordinary_driving_tells_what_the_gimbal_moves() {
     );
     let missing = tune(&["feeder", "--from", "/no/such.mcap"]).unwrap_err();
     assert!(missing.contains("cannot read /no/such.mcap"), "{missing}");
+}
+
+/// The same records, by scipy: `tests/python/tune.py`.
+#[test]
+fn scipy_estimates_the_same() {
+    let Some(python) = python() else { return };
+    let folder = Scratch::new("tune-scipy");
+    for (number, mistakes) in
+        [&[][..], &["friction:gimbal=x2", "inertia:gimbal=x1.5"], &["torque:gimbal=x0.7"]]
+            .into_iter()
+            .enumerate()
+    {
+        let path = folder.join(format!("{number}.mcap"));
+        let ports = Ports::new();
+        let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+        let mut robot = robot_of::<team::Robot>(&shared, &mut motors).unwrap();
+        let mistakes: Vec<_> = mistakes.iter().map(|it| it.parse().unwrap()).collect();
+        robot.set_mistakes(&mistakes).unwrap();
+        let seed = 5 + number as u64;
+        let record = RecordWriter::new(&path, false, &heading(&robot, seed)).unwrap();
+        simulate_into(robot, seed, Micros::from_millis(40_000), Some(record)).unwrap();
+        let path = path.to_str().unwrap();
+        for motor in ["gimbal-yaw", "gimbal-pitch"] {
+            let ours = tune(&[motor, "--from", path]).unwrap();
+            let topic = format!("/motors/{}", motor.replace('-', "_"));
+            let mut theirs = std::process::Command::new(python);
+            let theirs = theirs.arg(script("tune.py")).args([path, &topic]).output().unwrap();
+            assert!(theirs.status.success(), "{}", String::from_utf8_lossy(&theirs.stderr));
+            let theirs: serde_json::Value = serde_json::from_slice(&theirs.stdout).unwrap();
+            println!("{motor}, record {number}: {theirs}");
+            // Its delay has the half tick in it for which an effort is held.
+            for (name, key, unit, later) in [
+                ("inertia", "inertia", 1.0, 0.0),
+                ("dry friction", "friction", 1.0, 0.0),
+                ("viscous", "viscous", 1.0, 0.0),
+                ("delay", "delay", 1e3, 0.5),
+            ] {
+                let [value, half] = row(&ours, name);
+                let theirs = unit * theirs[key].as_f64().unwrap() - later;
+                let near = half + 0.02 * theirs.abs();
+                assert!((value - theirs).abs() < near, "{name}: {value} ± {half}, scipy {theirs}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -22,8 +22,8 @@ macro_rules! handed_on {
         fn loops(&self) -> Option<crate::Loops> {
             self.$($part)+.loops().into()
         }
-        fn withhold(&mut self, share: f32) {
-            self.$($part)+.withhold(share);
+        fn withhold(&mut self, withheld: crate::Withheld) {
+            self.$($part)+.withhold(withheld);
         }
     };
     (@fault [$($part:tt)+]) => {

@@ -102,6 +102,7 @@ pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};
 pub use motor::{
     CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, SafeState, Tick, Tuning,
+    Withheld,
 };
 pub use motors::{AttachError, CommandError, MotorId, Motors};
 pub use request::{Gains, Request, RequestError, Response};

@@ -212,9 +212,29 @@ pub trait Motor: Send {
         None
     }
 
-    /// Withholds a share of the largest effort of its [`loops`](Self::loops), 0 ..= 1 (beyond is limited), from the
-    /// target that it has: of what drives the shaft. What brakes it has all of it, and so has the next target.
-    fn withhold(&mut self, _share: f32) {}
+    /// Withholds a part of the largest effort of its [`loops`](Self::loops) from the target that it has, a speed, an
+    /// angle or a motion. The next target has all of it again.
+    fn withhold(&mut self, _withheld: Withheld) {}
+}
+
+/// Shares of a motor's largest effort that a command withholds from its loops, 0 ..= 1 (beyond is limited).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Withheld {
+    /// From what drives the shaft the way it turns, or from a standstill.
+    pub driving: f32,
+    /// From what brakes it. A motor that is stopped brakes with all of it.
+    pub braking: f32,
+}
+
+impl Withheld {
+    /// Nothing.
+    pub const NONE: Self = Self { driving: 0.0, braking: 0.0 };
+
+    /// Whether it is anything.
+    #[must_use]
+    pub fn is_any(self) -> bool {
+        self.driving != 0.0 || self.braking != 0.0
+    }
 }
 
 /// A motor on a CAN bus.

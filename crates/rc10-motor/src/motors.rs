@@ -6,7 +6,7 @@ use rc10_time::Micros;
 
 use crate::arm::{ArmState, ArmSwitch};
 use crate::can_ids::{Clash, MotorName};
-use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
+use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick, Withheld};
 use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Safety, Supervision};
 use crate::target::{Target, TargetError, TargetSet};
@@ -236,21 +236,21 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         target: Target,
         now: Micros,
     ) -> Result<(), CommandError> {
-        self.command_within(motor, target, 0.0, now)
+        self.command_within(motor, target, Withheld::NONE, now)
     }
 
-    /// The same, with a share of the motor's largest effort [withheld](Motor::withhold) from this target: of a motor
+    /// The same, with a part of the motor's largest effort [withheld](Motor::withhold) from this target: of a motor
     /// whose loops run here.
     pub(crate) fn command_within(
         &mut self,
         motor: MotorId,
         target: Target,
-        withheld: f32,
+        withheld: Withheld,
         now: Micros,
     ) -> Result<(), CommandError> {
         let Slot { motor, supervision } = self.slot_mut(motor).ok_or(CommandError::NoSuchMotor)?;
         supervision.command(&mut **motor, target, now).map_err(CommandError::Target)?;
-        if withheld > 0.0 {
+        if withheld.is_any() {
             motor.withhold(withheld);
         }
         Ok(())

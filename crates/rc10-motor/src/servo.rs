@@ -36,7 +36,7 @@ use rc10_app::{
 };
 
 use crate::goal::{Goal, Goals, Moment};
-use crate::motor::{DriveMode, Loops, Tick};
+use crate::motor::{DriveMode, Loops, Tick, Withheld};
 use crate::pending::Outcome;
 use crate::request::{Gains, Request, Response};
 use crate::shaft::{Shaft, TURN};
@@ -56,8 +56,8 @@ pub struct Servo {
     /// Largest effort of the speed loop by its own gains.
     loop_limit: f32,
     limit: f32,
-    /// Share of its largest effort that the target does not get, 0 ..= 1.
-    withheld: f32,
+    /// What the target does not get of its largest effort.
+    withheld: Withheld,
     /// Whether the loops have less than the limit.
     is_limited: bool,
     /// Whether it followed its target in the last tick.
@@ -125,7 +125,7 @@ impl Servo {
             full,
             loop_limit: full,
             limit: full,
-            withheld: 0.0,
+            withheld: Withheld::NONE,
             is_limited: false,
             ran: false,
             state: CascadeState::new(),
@@ -168,28 +168,28 @@ impl Servo {
         if target.kind() != TargetKind::Impedance {
             self.spring = None;
         }
-        self.withheld = 0.0;
+        self.withheld = Withheld::NONE;
         Ok(())
     }
 
-    /// Withholds a share of the largest effort, 0 ..= 1 (beyond is limited), from the target that it has: of what
-    /// drives the shaft. What brakes it has all of it, and so has the next target.
-    pub fn withhold(&mut self, share: f32) {
-        self.withheld = share.clamp(0.0, 1.0);
-        self.is_limited = true;
+    /// Withholds a part of the largest effort from the target that it has, a speed, an angle or a motion; the next one
+    /// has all of it again, and so has whatever stops it.
+    pub fn withhold(&mut self, withheld: Withheld) {
+        (self.withheld, self.is_limited) = (withheld, true);
     }
 
     /// The loops of a tick with less than the limit, or of the first one that has all of it again. Returns full scale.
     #[cold]
     fn limit_tick(&mut self, is_jog: bool, measured: f32) -> f32 {
-        self.is_limited = is_jog || self.withheld > 0.0;
+        self.is_limited = is_jog || self.withheld.is_any();
         // It runs with gains from a PC: never with much effort.
         let full = if is_jog { self.limit * JOG_SHARE } else { self.limit };
         // By whether the last tick drove or braked, or this one is about to.
         let effort = self.effort();
         let push = if effort == 0.0 { self.state.reference() - measured } else { effort };
-        let withheld = if self.ran && push * measured >= 0.0 { self.withheld } else { 0.0 };
-        self.cascade.speed.output_limit = self.loop_limit.min(full) * (1.0 - withheld);
+        let Withheld { driving, braking } = if self.ran { self.withheld } else { Withheld::NONE };
+        let left = 1.0 - if push * measured >= 0.0 { driving } else { braking };
+        self.cascade.speed.output_limit = self.loop_limit.min(full) * left.clamp(0.0, 1.0);
         full
     }
 
@@ -465,30 +465,27 @@ mod tests {
     #[test]
     fn a_share_of_the_effort_is_withheld_from_a_target_and_not_from_a_stop() {
         let mut servo = servo();
-        for (withheld, most) in [(0.0, 5.0), (0.6, 2.0), (1.0, 0.0), (1.5, 0.0), (-1.0, 5.0)] {
-            for sign in [1.0, -1.0] {
-                let target = Target::Speed(Rpm::new(sign * 400.0));
-                servo.set_target(target).unwrap();
-                servo.withhold(withheld);
-                let effort = settled(&mut servo, DriveMode::Run, at(10, 0.0));
-                assert!((effort - sign * most).abs() < 1e-3, "{withheld}: {effort}");
-                // What its loops are is not what a target leaves of them.
-                assert!((servo.loops().cascade.speed.output_limit - 5.0).abs() < 1e-6);
-                for mode in [DriveMode::Brake, DriveMode::Hold] {
-                    let braked = settled(&mut servo, mode, at(10, sign * 400.0));
-                    assert!((braked + sign * 5.0).abs() < 1e-3, "{mode:?}: {braked}");
-                    // Another one, which comes too late, changes nothing of that.
-                    servo.set_target(target).unwrap();
-                    servo.withhold(withheld);
-                    let braked = settled(&mut servo, mode, at(10, sign * 400.0));
-                    assert!((braked + sign * 5.0).abs() < 1e-3, "{mode:?}: {braked}");
+        for (driving, most) in [(0.0, 5.0), (0.6, 2.0), (1.0, 0.0), (1.5, 0.0), (-1.0, 5.0)] {
+            for (braking, most_braking) in [(0.0, 5.0), (0.8, 1.0), (1.0, 0.0)] {
+                for sign in [1.0, -1.0] {
+                    let withheld = Withheld { driving, braking };
+                    let mut is = |mode, speed, wanted: f32| {
+                        // Given again, also while it is stopped, it changes nothing of the stop.
+                        servo.set_target(Target::Speed(Rpm::new(sign * 400.0))).unwrap();
+                        servo.withhold(withheld);
+                        let effort = settled(&mut servo, mode, at(10, sign * speed)) * sign;
+                        assert!((effort - wanted).abs() < 1e-3, "{withheld:?} {mode:?}: {effort}");
+                        // What its loops are is not what a target leaves of them.
+                        assert!((servo.loops().cascade.speed.output_limit - 5.0).abs() < 1e-6);
+                    };
+                    is(DriveMode::Run, 0.0, most);
+                    is(DriveMode::Brake, 400.0, -5.0);
+                    is(DriveMode::Hold, 400.0, -5.0);
+                    is(DriveMode::Run, 100.0, most);
+                    // It is turned the other way: that is to brake.
+                    is(DriveMode::Run, -100.0, most_braking);
+                    servo.rest();
                 }
-                let effort = settled(&mut servo, DriveMode::Run, at(10, sign * 100.0));
-                assert!((effort - sign * most.min(5.0)).abs() < 1e-3, "{withheld} again: {effort}");
-                // It is turned the other way: that is to brake.
-                let braked = settled(&mut servo, DriveMode::Run, at(10, sign * -100.0));
-                assert!((braked - sign * 5.0).abs() < 1e-3, "{withheld}: {braked}");
-                servo.rest();
             }
         }
         servo.set_target(Target::Speed(Rpm::new(400.0))).unwrap();

@@ -3,7 +3,7 @@
 use rc10_app::TotalAngle;
 
 use crate::goal::Goals;
-use crate::motor::Loops;
+use crate::motor::{Loops, Withheld};
 use crate::pending::Outcome;
 use crate::request::Request;
 use crate::servo::Servo;
@@ -73,9 +73,9 @@ impl<D> Side<D> {
     }
 
     /// Withholds a share of the effort from the target it has; loops of the device have none of ours.
-    pub(crate) fn withhold(&mut self, share: f32) {
+    pub(crate) fn withhold(&mut self, withheld: Withheld) {
         if let Self::Here(servo) = self {
-            servo.withhold(share);
+            servo.withhold(withheld);
         }
     }
 

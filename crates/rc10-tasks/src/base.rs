@@ -310,27 +310,31 @@ impl<B: Drive, L: Limit> BaseDriver<'_, B, L> {
         dt: Seconds,
     ) {
         let from = self.begin(shared);
-        let limiter = self.in_field.get_or_insert_with(|| begun(from.out_of_frame(heading)));
+        let mut limiter = self.in_field.unwrap_or_else(|| begun(from.out_of_frame(heading)));
+        let before = limiter.twist();
         let to = limiter.update(self.base.limits().0, wish, dt).ok();
-        if self.go(shared, from, to.map(|twist| twist.into_frame(heading)), dt) < 1.0 {
-            // It goes on from what was granted.
-            self.in_field = Some(begun(self.commanded().out_of_frame(heading)));
+        let share = self.go(shared, from, to.map(|twist| twist.into_frame(heading)), dt);
+        if let Some(to) = to.filter(|_| share < 1.0) {
+            // It goes on from what was granted: a share of the change in the field, in which the axes do not turn.
+            limiter.reset(before + (to - before) * share);
+            self.commanded = Some(limiter.twist().into_frame(heading));
         }
+        self.in_field = Some(limiter);
     }
 
     /// Follows a motion that keeps the limits by itself, such as a path's: its mean twist in the coming `dt`, and
-    /// how that changes a second.
+    /// how that changes a second. Returns the share of the acceleration that is granted: a path goes on all the same.
     pub fn follow(
         &mut self,
         shared: &Common<'_, B::Name, impl Live>,
         [twist, change]: [Twist; 2],
         dt: Seconds,
-    ) {
+    ) -> f32 {
         let half = change * (0.5 * dt.get());
         self.commanded = Some(twist + half).filter(|twist| twist.is_finite()).or(self.commanded);
         self.in_field = None;
         let motion = [twist - half, change];
-        self.base.command(&mut self.state, shared, motion, &mut self.limit, dt);
+        self.base.command(&mut self.state, shared, motion, &mut self.limit, dt)
     }
 
     fn begin(&self, shared: &Common<'_, B::Name, impl Live>) -> Twist {

@@ -9,7 +9,7 @@ use rc10_module::Reception;
 use rc10_module::imu::Heading;
 use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::embassy::{MotorPort, PortsOf};
-use rc10_motor::{ArmSwitch, Names, Target, TargetError};
+use rc10_motor::{ArmSwitch, Names, Target, TargetError, Withheld};
 use rc10_time::Micros;
 
 use crate::arming::{Arming, Axis};
@@ -165,11 +165,11 @@ impl<N: Names, OWN> Common<'_, N, OWN> {
     /// A motor that refuses it (a number that is not finite, a kind it does not take) keeps the old
     /// one until that expires, and then is safe. The status names the motor and the reason.
     pub fn command(&self, name: N, target: Target) {
-        self.command_within(name, target, 0.0);
+        self.command_within(name, target, Withheld::NONE);
     }
 
-    /// The same, with a share of its largest effort [withheld](rc10_motor::embassy::MotorPort::command_within).
-    pub fn command_within(&self, name: N, target: Target, withheld: f32) {
+    /// The same, with a part of its largest effort [withheld](rc10_motor::embassy::MotorPort::command_within).
+    pub fn command_within(&self, name: N, target: Target, withheld: Withheld) {
         if let Err(why) = self.motor(name).command_within(target, withheld) {
             self.refused.set((name, why), rc10_message::now());
         }

@@ -1,5 +1,5 @@
 use core::cell::{Cell, RefCell};
-use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -7,12 +7,12 @@ use heapless::Vec;
 use rc10_message::{CallError, Caller, Calls, Service};
 use rc10_time::Micros;
 
-use crate::motor::{Motor, Tuning};
+use crate::motor::{Motor, Tuning, Withheld};
 use crate::motors::{MotorId, Motors};
 use crate::pending::Outcome;
 use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Refusals};
-use crate::target::{Target, TargetError, TargetSet};
+use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// The port of a bus of up to `N` motors: a mailbox and status each, from any task or interrupt.
 pub struct MotorPorts<S, const N: usize> {
@@ -23,11 +23,9 @@ pub struct MotorPorts<S, const N: usize> {
 }
 
 struct MotorCell {
-    /// Whether there is a command in the mail, [`PLAIN`] or [`LIMITED`]. The bus asks in every tick.
-    commanded: AtomicU8,
-    command: Mutex<CriticalSectionRawMutex, Cell<Option<Target>>>,
-    /// The share that a limited command withholds, as bits.
-    withheld: AtomicU32,
+    /// Whether there is a command in the mail. The bus asks in every tick.
+    commanded: AtomicBool,
+    command: Mutex<CriticalSectionRawMutex, (Cell<Option<Target>>, Cell<Withheld>)>,
     supports: Mutex<CriticalSectionRawMutex, Cell<TargetSet>>,
     status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
     /// Targets that did not come as far as the mail.
@@ -35,11 +33,6 @@ struct MotorCell {
     /// The tuning as declared, and as of the last request.
     tuning: Mutex<CriticalSectionRawMutex, Cell<Option<[Tuning; 2]>>>,
 }
-
-/// A command with all of the motor's effort.
-const PLAIN: u8 = 1;
-/// One from which a share is withheld.
-const LIMITED: u8 = 2;
 
 /// Requests to the motors of a bus that may wait at once.
 const CALLERS: usize = 4;
@@ -51,18 +44,13 @@ type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
 impl MotorCell {
     /// The newest command that the bus has not taken yet.
     #[inline]
-    fn take_command(&self) -> Option<(Target, f32)> {
+    fn take_command(&self) -> Option<(Target, Withheld)> {
         // Before the mail is looked at: what comes now is seen now or next time.
-        let commanded = self.commanded.load(Ordering::Acquire);
-        if commanded == 0 {
+        if !self.commanded.load(Ordering::Acquire) {
             return None;
         }
-        self.commanded.store(0, Ordering::Release);
-        let withheld = match commanded {
-            LIMITED => f32::from_bits(self.withheld.load(Ordering::Relaxed)),
-            _ => 0.0,
-        };
-        self.command.lock(Cell::take).map(|target| (target, withheld))
+        self.commanded.store(false, Ordering::Release);
+        self.command.lock(|(target, withheld)| target.take().map(|it| (it, withheld.get())))
     }
 
     fn refuse(&self, error: TargetError) {
@@ -80,9 +68,8 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
         Self {
             cells: [const {
                 MotorCell {
-                    commanded: AtomicU8::new(0),
-                    command: Mutex::new(Cell::new(None)),
-                    withheld: AtomicU32::new(0),
+                    commanded: AtomicBool::new(false),
+                    command: Mutex::new((Cell::new(None), Cell::new(Withheld::NONE))),
                     supports: Mutex::new(Cell::new(TargetSet::NONE)),
                     status: Mutex::new(RefCell::new(MotorStatus::NEW)),
                     refused: Mutex::new(Cell::new(Refusals::NONE)),
@@ -221,24 +208,27 @@ impl MotorPort<'_> {
     /// bus is not running yet every target is unsupported. The motor keeps the target it had until
     /// that expires; [`MotorCounters::refused`](crate::MotorCounters::refused) counts it.
     pub fn command(&self, target: Target) -> Result<(), TargetError> {
-        self.command_within(target, 0.0)
+        self.command_within(target, Withheld::NONE)
     }
 
-    /// The same, with a share of the motor's largest effort withheld from this target, 0 ..= 1 (beyond is limited): a
-    /// limit of power. What brakes the shaft has all of it.
+    /// The same, with a part of the motor's largest effort withheld from this target, a speed, an angle or a motion: a
+    /// limit of power.
     ///
     /// # Errors
-    /// [`TargetError`] as above; `OutOfRange` if the device closes the motor's loops, and a share is withheld.
-    pub fn command_within(&self, target: Target, withheld: f32) -> Result<(), TargetError> {
+    /// [`TargetError`] as above; `OutOfRange` for something withheld from another target, or if the device closes the
+    /// motor's loops.
+    pub fn command_within(&self, target: Target, withheld: Withheld) -> Result<(), TargetError> {
+        use TargetKind::{Angle, Motion, Speed, SpeedMotion, TotalAngle};
+        const SOUGHT: TargetSet = TargetSet::of(&[Speed, Angle, TotalAngle, Motion, SpeedMotion]);
         let kind = target.kind();
         let cell = self.cell.ok_or(TargetError::Unsupported(kind))?;
         let accepted = cell.supports.lock(Cell::get).accepts(&target);
         let checked = accepted.and_then(|()| {
-            if withheld == 0.0 {
+            if !withheld.is_any() {
                 Ok(())
-            } else if !withheld.is_finite() {
+            } else if !(withheld.driving + withheld.braking).is_finite() {
                 Err(TargetError::NotFinite(kind))
-            } else if self.tuning().is_none() {
+            } else if !SOUGHT.contains(kind) || self.tuning().is_none() {
                 Err(TargetError::OutOfRange(kind))
             } else {
                 Ok(())
@@ -248,9 +238,11 @@ impl MotorPort<'_> {
             cell.refuse(error);
             return Err(error);
         }
-        cell.command.lock(|command| command.set(Some(target)));
-        cell.withheld.store(withheld.to_bits(), Ordering::Relaxed);
-        cell.commanded.store(if withheld == 0.0 { PLAIN } else { LIMITED }, Ordering::Release);
+        cell.command.lock(|(command, rest)| {
+            command.set(Some(target));
+            rest.set(withheld);
+        });
+        cell.commanded.store(true, Ordering::Release);
         Ok(())
     }
 

@@ -1,5 +1,5 @@
 use rc10_app::{Joules, NewtonMetres, PowerConfig, PowerInput, PowerLimiter, Rpm, Seconds, Watts};
-use rc10_motor::{Motion, Names, Target};
+use rc10_motor::{Link, Motion, Names, Target, TargetKind, Withheld};
 
 use crate::common::Common;
 use crate::live::Live;
@@ -22,8 +22,8 @@ pub trait Limit {
 pub struct Grant<const WHEELS: usize> {
     /// Share of the acceleration, 0 ..= 1.
     pub share: f32,
-    /// Share of each wheel's largest effort that is withheld from it.
-    pub withheld: [f32; WHEELS],
+    /// What is withheld from each wheel.
+    pub withheld: [Withheld; WHEELS],
 }
 
 impl Limit for () {
@@ -35,7 +35,7 @@ impl Limit for () {
         _: [NewtonMetres; WHEELS],
         _: Seconds,
     ) -> Grant<WHEELS> {
-        Grant { share: 1.0, withheld: [0.0; WHEELS] }
+        Grant { share: 1.0, withheld: [Withheld::NONE; WHEELS] }
     }
 }
 
@@ -59,6 +59,9 @@ pub struct BasePower<'b> {
 /// The least share of the largest effort that is granted to a wheel: what it wishes for next may be more than what it
 /// wishes for now.
 const LEAST: f32 = 0.2;
+
+/// Radians per second in one revolution per minute.
+const RADIANS_PER_SECOND: f32 = core::f32::consts::PI / 30.0;
 
 impl<'b> BasePower<'b> {
     /// Nothing has been heard: the lowest limit of the rules.
@@ -88,11 +91,19 @@ impl Limit for BasePower<'_> {
             others: self.others,
             derating: self.derating,
         };
-        let mut full = [0.0; WHEELS];
-        let mut most = 0.0_f32;
+        let model = self.limiter.model(self.config);
+        let (mut full, mut directions, mut most) = ([0.0; WHEELS], [0.0; WHEELS], 0.0_f32);
+        let (mut slow, mut of_body) = ([false; WHEELS], 0.0);
         for (at, port) in wheels.map(|name| shared.motor(name)).into_iter().enumerate() {
-            full[at] = port.tuning().map_or(0.0, |[_, now]| now.limit * torque_constant);
+            // A voltage is no torque.
+            let tuning =
+                port.tuning().map(|[_, now]| now).filter(|it| it.effort != TargetKind::Duty);
+            full[at] = tuning.map_or(0.0, |it| it.limit * torque_constant);
             let (effort, given) = port.look(|status| {
+                // What a lost one measured last is not what it does.
+                if status.link != Link::Online {
+                    return (0.0, 0.0);
+                }
                 let effort = status.feedback.effort().unwrap_or(0.0) * torque_constant;
                 input.speeds[at] = status.feedback.speed;
                 input.measured[at] = status.feedback.torque().unwrap_or(NewtonMetres::new(effort));
@@ -103,24 +114,32 @@ impl Limit for BasePower<'_> {
             });
             // Friction, a slope, an error of the speed: what its loops make beside the acceleration stays.
             let wish = torques[at].get() + effort - given;
-            // What brakes a wheel has all of its effort in any case.
-            let forward = wish * input.speeds[at].get().signum();
-            input.wished[at] = NewtonMetres::new(forward.max(0.0));
-            most = most.max(forward / full[at]);
+            let speed = input.speeds[at].get();
+            of_body += torques[at].get() * speed;
+            // A fast wheel takes no power to brake, a slow one does.
+            slow[at] =
+                speed.abs() * RADIANS_PER_SECOND * model.mechanical <= full[at] * model.per_torque;
+            directions[at] = if slow[at] { wish } else { speed };
+            let size = if slow[at] || wish * speed > 0.0 { wish.abs() } else { 0.0 };
+            input.wished[at] = NewtonMetres::new(size);
+            most = most.max(size / full[at]);
         }
         // Wished for is the most in that direction: it is what the loops may come to until the next step.
         let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
         for (at, wish) in input.wished.iter_mut().enumerate() {
             let size = (wish.get() * scale).max(LEAST * full[at]);
-            *wish = NewtonMetres::new(size.copysign(input.speeds[at].get()));
+            *wish = NewtonMetres::new(size.copysign(directions[at]));
         }
         let granted = self.limiter.allocate(self.config, &input, dt);
-        let share = if most > 0.0 { granted.share * scale } else { 1.0 };
+        // A body that slows down is not kept from it.
+        let is_free = most <= 0.0 || of_body < 0.0;
+        let share = if is_free { 1.0 } else { (granted.share * scale).min(1.0) };
         let withheld = core::array::from_fn(|at| {
             let left = granted.torques[at].get().abs() / full[at];
             // NaN is nothing.
-            if left > 0.0 { (1.0 - left).max(0.0) } else { 1.0 }
+            let driving = if left > 0.0 { (1.0 - left).max(0.0) } else { 1.0 };
+            Withheld { driving, braking: if slow[at] { driving } else { 0.0 } }
         });
-        Grant { share: share.min(1.0), withheld }
+        Grant { share, withheld }
     }
 }

@@ -201,6 +201,10 @@ pub fn tuned(
     let most = bandwidth.map_or(1000.0, |it| it * TAU);
     let w = fastest(most, &|w| margins(&plants, &speed_at(w))[0]);
     tuned = speed_at(w);
+    if !margins(&plants, &tuned)[0].are_kept() {
+        // Not even the slowest: the intervals are too wide for any.
+        return Err(Unknown::TooVague);
+    }
     let angle_at = |kp: f64| {
         let mut tuned = tuned;
         tuned.angle.kp = kp as f32;

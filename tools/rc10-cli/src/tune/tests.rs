@@ -372,12 +372,14 @@ fn measured(plant: &Plant, gains: [f64; 2], hz: f64) -> [f64; 2] {
 }
 
 /// The gains for an estimate keep what is promised, as a sine on the true plant measures it; and are fast.
+/// `RC10_PLANTS=1000` tries so many of them.
 #[test]
 fn tuned_loops_keep_their_margins() {
+    let plants = std::env::var("RC10_PLANTS").map_or(12, |number| number.parse().unwrap());
     let (mut lowest, mut most, mut least_phase, mut slowest) =
         (f64::INFINITY, 0.0_f64, 180.0_f64, f64::INFINITY);
     let mut tried = 0;
-    for seed in 0..12 {
+    for seed in 0..plants {
         let plant = Plant::random(seed);
         let estimate = Estimate::of(&plant.run(20.0)).unwrap();
         let Ok(cascade) = tuned(&M3508.cascade, &estimate, None) else {
@@ -411,7 +413,7 @@ fn tuned_loops_keep_their_margins() {
         "measured: gain margin {lowest:.2}, phase margin {least_phase:.1} deg, sensitivity {most:.2}; slowest {slowest:.1} Hz"
     );
     assert!(lowest > 2.0 && least_phase >= LEAST_PHASE && most < MOST_SENSITIVE);
-    assert!(tried >= 10 && lowest.is_finite() && slowest > 5.0, "{tried}");
+    assert!(6 * tried >= 5 * plants && lowest.is_finite() && slowest > 5.0, "{tried}");
 }
 
 /// A wish for less is heard, and one for more than the margins allow is not.
