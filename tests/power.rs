@@ -68,8 +68,11 @@ const _: () = assert!(POWER.validate().is_ok());
 struct Driven {
     /// The lowest energy of the buffer, J.
     lowest: f64,
-    /// The highest mean power of 100 ms, W.
+    /// The highest mean power of 100 ms, and the last one, W.
     highest: f64,
+    last: f64,
+    /// Speed of the base ahead each 100 ms, m/s.
+    speeds: Vec<f64>,
     /// Way of the base, m, with a turn of 1 rad as 0.3 m.
     way: f64,
     /// Pose at the end.
@@ -210,6 +213,8 @@ fn drive<'r, N: Names + 'r, B: Drive<Name = N>, L: Limit + 'r>(
             referee.power = 10.0 * std::mem::take(&mut drawn);
             referee.advance(Nanos::new(millis * 1_000_000), &mut sent);
             driven.highest = driven.highest.max(referee.power);
+            driven.last = referee.power;
+            driven.speeds.push(at.x);
             driven.lowest = driven.lowest.min(referee.buffer);
             if let Some(limit) = limit {
                 let whole = Joules::new(referee.buffer.floor() as f32);
@@ -330,6 +335,20 @@ fn it_keeps_its_direction() {
 }
 
 #[test]
+fn it_slows_down_at_once_when_the_stick_is_let_go() {
+    // At the lowest limit it is far slower then than it was told to be.
+    let wish = &mut |millis| (Twist::new(if millis < 800 { 2.5 } else { 0.0 }, 0.0, 0.0), Some(45));
+    let hear = |limit: &mut BasePower<'_>, watts, joules| limit.hear(watts, joules);
+    let power = PowerConfig { buffer: Joules::new(12.0), ..POWER };
+    let driver = BaseDriver::new(&BASE).within(&power);
+    let within = omni(driver, hear, &POWER.model, 3, wish, On::Floor);
+    let [at_release, ahead] = [within.speeds[7], within.speeds[8]];
+    println!("{within:?}");
+    assert!(at_release > 0.3 && ahead < at_release, "{at_release}, then {ahead}");
+    assert!(within.speeds[17].abs() < 0.02, "{within:?}");
+}
+
+#[test]
 fn a_base_that_spins_goes_where_it_is_sent_in_the_field() {
     let wish = |millis| (Twist::new(if millis < 2500 { 2.5 } else { -2.5 }, 0.0, 4.0), Some(45));
     let hear = |limit: &mut BasePower<'_>, watts, joules| limit.hear(watts, joules);
@@ -353,5 +372,7 @@ fn against_a_wall_it_pushes_as_hard_as_it_may_with_every_wheel_to_any_side() {
         println!("{within:?}");
         assert!(within.lowest >= 5.0 && within.highest > 80.0, "{x} {y} {turn}: {within:?}");
         assert!(within.torques > 0.9, "{x} {y} {turn}: {within:?}");
+        // Also when its wheels shall not turn faster any more.
+        assert!(within.last > 54.0, "{x} {y} {turn}: {within:?}");
     }
 }
