@@ -153,6 +153,10 @@ fn what_is_broken_by_click_stands_on_the_page_and_in_the_log() {
     page.until(
         "return /[^0-9]6 of 7 motors online/.test(document.querySelector('#log pre').textContent)",
     );
+    // It is drawn a moment after it is known.
+    page.until(
+        "return document.querySelector('#problems').textContent.includes(labels('motors')[0])",
+    );
     let label = page.look("return labels('motors')[0]");
     let problems = page.look("return document.querySelector('#problems').textContent");
     println!("{problems}\n{}", page.look("return state.log.slice(-3)"));
