@@ -22,9 +22,8 @@ use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, M3508};
 use rc10_motor::embassy::Ports;
 use rc10_motor::{Entry, Link, Names};
-use rc10_sim::{Esc, Nanos, SerialDevice as _};
-
 use rc10_sim::referee::{Referee, Season};
+use rc10_sim::{Esc, Nanos, SerialDevice as _};
 use rc10_tasks::live::Live;
 use rc10_tasks::{BaseDriver, BasePower, Common, Drive, DrivenBase, DrivenSwerve, Limit};
 use rc10_time::Micros;
@@ -200,7 +199,7 @@ fn drive<'r, N: Names + 'r, B: Drive<Name = N>, L: Limit + 'r>(
         let one = |motor: &Esc| {
             let (torque, speed) = (motor.state().torque, motor.state().output_rpm * PI / 30.0);
             let power = mechanical * torque * speed + per_torque * torque * torque;
-            // What it gives goes nowhere.
+            // No other wheel gets what it gives.
             (power + per_speed * speed.abs()).max(0.0)
         };
         drawn += 1e-3 * (idle + around.motors.iter().map(one).sum::<f64>());

@@ -57,6 +57,12 @@ impl PowerModel {
         Watts::new(self.loads(torques, speeds, false).sum().max(0.0))
     }
 
+    /// Whether braking with this torque at this speed takes power: its heat is more than what the shaft gives.
+    #[must_use]
+    pub fn braking_takes_power(&self, torque: NewtonMetres, speed: Rpm) -> bool {
+        speed.get().abs() * RADIANS_PER_SECOND * self.mechanical <= torque.get() * self.per_torque
+    }
+
     /// The torques nearest to the `wished` ones that take at most `limit`: the same share of each, so the wrench on the
     /// body keeps its direction. Where the wishes are [`Base::torques`](crate::Base::torques), no other torques with the
     /// same wrench take less.

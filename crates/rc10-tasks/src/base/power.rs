@@ -60,9 +60,6 @@ pub struct BasePower<'b> {
 /// wishes for now.
 const LEAST: f32 = 0.2;
 
-/// Radians per second in one revolution per minute.
-const RADIANS_PER_SECOND: f32 = core::f32::consts::PI / 30.0;
-
 impl<'b> BasePower<'b> {
     /// Nothing has been heard: the lowest limit of the rules.
     pub const fn new(config: &'b PowerConfig) -> Self {
@@ -117,8 +114,7 @@ impl Limit for BasePower<'_> {
             let speed = input.speeds[at].get();
             of_body += torques[at].get() * speed;
             // A fast wheel takes no power to brake, a slow one does.
-            slow[at] =
-                speed.abs() * RADIANS_PER_SECOND * model.mechanical <= full[at] * model.per_torque;
+            slow[at] = model.braking_takes_power(NewtonMetres::new(full[at]), input.speeds[at]);
             directions[at] = if slow[at] { wish } else { speed };
             let size = if slow[at] || wish * speed > 0.0 { wish.abs() } else { 0.0 };
             input.wished[at] = NewtonMetres::new(size);
