@@ -148,6 +148,10 @@ const ARM: f64 = 120.0;
 const PLAYS: [f64; 5] = [0.03, 0.06, 0.12, 0.24, 0.5];
 /// Share of what is left that play has to explain.
 const EXPLAINS: f64 = 0.01;
+/// Shares of the inertia and of the friction that may be behind the play, at least and at most.
+const BEHIND_PLAY: [[f64; 2]; 2] = [[0.15, 0.7], [0.25, 0.75]];
+/// What the delay of a gear that gives is wrong by in any case, s.
+const GIVES: f64 = 25e-6;
 
 /// Columns of the regression.
 const INERTIA: usize = 0;
@@ -418,6 +422,26 @@ impl<'s> Samples<'s> {
         self.all.iter().zip(&self.speeds).map(side).collect()
     }
 
+    /// Whether the teeth press on one and the same side throughout a window and long before: whichever shares of
+    /// inertia and friction are behind the play.
+    fn is_pressed(&self, window: &Window, best: &Row) -> bool {
+        let sign = window.row[FRICTION].signum();
+        let [inertia, friction] = BEHIND_PLAY;
+        let side = |at: usize| {
+            let drag = best[FRICTION] + best[VISCOUS] * self.speeds[at].abs();
+            let weights = self.weights(self.all[at].angle);
+            let weight = weights.iter().zip(&best[WEIGHT..]).map(|(a, b)| a * b).sum::<f64>() * sign;
+            let accelerates = self.given[at] * sign - drag - weight;
+            let torques = inertia.map(|it| it * accelerates);
+            let least = torques[0].min(torques[1]) + friction[0] * drag + weight;
+            let most = torques[0].max(torques[1]) + friction[1] * drag + weight;
+            i8::from(least > 0.0) - i8::from(most < 0.0)
+        };
+        let (reach, own) = ((HALF / self.period) as usize, side(window.middle));
+        let all = window.middle.saturating_sub(2 * reach)..window.middle + reach;
+        own != 0 && all.into_iter().all(|at| side(at) == own)
+    }
+
     /// The fit of windows, at the delay that is the best.
     fn fit(&self, windows: &[Window], from: f64) -> Fit {
         let mut fit = self.fit_at(windows, from);
@@ -514,18 +538,26 @@ impl Estimate {
             samples.fit(&samples.windows(behind, Some(&sides)), plain.delay)
         });
         let with_play = with_play.min_by(|a, b| a.left().total_cmp(&b.left()));
-        let fit = match with_play.filter(|it| it.left() < least) {
-            None => plain,
-            Some(fit) => {
-                let mut best = best;
-                best[DELAY] += plain.delay - fit.delay;
-                Fit { plain: Some(best), ..fit }
-            }
+        let Some(mut fit) = with_play.filter(|it| it.left() < least) else {
+            return Self::tell(&samples, &plain, None);
         };
-        Self::tell(&samples, &fit)
+        let play = fit.figure(|it| 2.0 * it[PLAY] / it[INERTIA]);
+        let mut best = best;
+        best[DELAY] += plain.delay - fit.delay;
+        fit.plain = Some(best);
+        // By what is left where no play opens, if that is enough.
+        for _ in 0..2 {
+            let best = fit.whole.solve();
+            let mut pressed = samples.windows(behind, None);
+            pressed.retain(|it| samples.is_pressed(it, &best));
+            if pressed.len() as f64 * STEP >= STRETCH * STRETCHES[1] as f64 {
+                fit = samples.fit(&pressed, fit.delay);
+            }
+        }
+        Self::tell(&samples, &fit, Some(play))
     }
 
-    fn tell(samples: &Samples<'_>, fit: &Fit) -> Result<Self, Unknown> {
+    fn tell(samples: &Samples<'_>, fit: &Fit, play: Option<Figure>) -> Result<Self, Unknown> {
         let (best, count) = (fit.whole.solve(), fit.rows.len() as f64);
         let root = |of: &dyn Fn(&(Row, f64)) -> f64| {
             let bumps: f64 = fit.rows.iter().map(|(row, _)| row[WEIGHT].powi(2)).sum();
@@ -564,7 +596,7 @@ impl Estimate {
         let mut delay = fit.figure(|it| fit.delay + it[DELAY]);
         // With play a motor begins without its load.
         delay.half *= if fit.plain.is_some() { 1.5 } else { 1.0 };
-        let play = fit.figure(|it| 2.0 * it[PLAY] / it[INERTIA]);
+        delay.half = delay.half.hypot(GIVES);
         let only = |is: bool, why: Unknown| if is { Ok(()) } else { Err(why) };
         Ok(Self {
             inertia: only(inertia.half < 0.3 * inertia.value, Unknown::TooFree).map(|()| inertia),
@@ -577,7 +609,7 @@ impl Estimate {
             delay: only(delay.value + delay.half > 0.0, Unknown::NotOneBody)
                 .and_then(|()| only(delay.half < 0.002, Unknown::TooVague))
                 .map(|()| delay),
-            play: Some(play).filter(|it| fit.plain.is_some() && it.value > it.half),
+            play: play.filter(|it| it.value > it.half),
             seconds: count * STEP,
             left: root(&|(row, effort)| effort - product(row, &best)),
             speeds: [slowest, fastest],
