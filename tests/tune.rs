@@ -3,6 +3,7 @@
 use rc10_cli::record::RecordWriter;
 use rc10_cli::run::simulate::{heading, simulate_into};
 use rc10_cli::{CommandLine, Robot, robot_of};
+use rc10_motor::{Gains, Request};
 use rc10_time::Micros;
 use team::{Motors, Ports, Shared};
 
@@ -96,6 +97,139 @@ fn scipy_estimates_the_same() {
                 let near = half + 0.02 * theirs.abs();
                 assert!((value - theirs).abs() < near, "{name}: {value} ± {half}, scipy {theirs}");
             }
+        }
+    }
+}
+
+/// On blocks: what stands on the wheels weighs nothing.
+const ON_BLOCKS: [&str; 3] = ["--sim", "--mistake", "mass:x0.01"];
+
+/// What the page has of a motor.
+fn page(folder: &Scratch, motor: &str) -> serde_json::Value {
+    let page = std::fs::read_to_string(folder.join(format!("tune-{motor}.html"))).unwrap();
+    let data = page.split("type=\"application/json\">").nth(1).unwrap().split("</script>").next();
+    serde_json::from_str(data.unwrap()).unwrap()
+}
+
+#[test]
+fn a_wheel_on_blocks_is_tuned_and_a_sweep_measures_its_loops() {
+    let folder = Scratch::new("tune-apply");
+    let out = folder.display().to_string();
+    let motor = ["wheel-front-left", "--travel", "720", "--seconds", "12", "--apply", "--out", &out];
+    let text = tune(&[&motor[..], &ON_BLOCKS].concat()).unwrap();
+    println!("{text}");
+    assert!(text.contains("The new gains are set, until power-off"));
+    assert!(text.contains("Measured at 1.5 to 59 Hz"));
+    let data = page(&folder, "wheel-front-left");
+    let numbers = |it: &serde_json::Value| -> Vec<f64> {
+        it.as_array().unwrap().iter().map(|it| it.as_f64().unwrap()).collect()
+    };
+    let curves = data["curves"].as_array().unwrap();
+    assert_eq!(curves.len(), 4);
+    for pair in curves.chunks(2) {
+        let [hz, db, deg] = ["hz", "db", "deg"].map(|key| numbers(&pair[1][key]));
+        let [grid, level, phase] = ["hz", "db", "deg"].map(|key| numbers(&pair[0][key]));
+        assert!(hz.len() == 15 && grid.len() > 100);
+        for (at, hz) in hz.iter().enumerate() {
+            let near = grid.iter().position(|it| it >= hz).unwrap();
+            // The grid's steps are 0.4 dB, and the model has more delay than the simulated device.
+            assert!((db[at] - level[near]).abs() < 1.5, "{hz} Hz: {} {}", db[at], level[near]);
+            let more = deg[at] - phase[near];
+            assert!((-5.0..0.5 * hz + 5.0).contains(&more), "{hz} Hz: {more}");
+        }
+    }
+    // Its steps, before and after.
+    let steps = data["steps"].as_array().unwrap();
+    let target = |at: usize| -> Vec<f64> {
+        steps[at]["target"].as_array().unwrap().iter().filter_map(serde_json::Value::as_f64).collect()
+    };
+    for at in 0..2 {
+        let jumps = target(at).windows(2).filter(|it| it[1] - it[0] > 4.0).count();
+        assert!(jumps >= 4, "{jumps}");
+    }
+    // Without --apply nothing is set, and the page has no steps with new gains.
+    let text = tune(&[&motor[..5], &motor[6..], &ON_BLOCKS].concat()).unwrap();
+    assert!(!text.contains("are set") && text.contains("speed, tuned"), "{text}");
+    assert_eq!(page(&folder, "wheel-front-left")["steps"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn what_goes_wrong_with_new_gains_puts_the_old_ones_back() {
+    let motor = ["wheel-front-left", "--travel", "720", "--seconds", "12", "--apply"];
+    let early = ["--fault", "cut:1@10s..3600s"];
+    let before = tune(&[&motor[..], &ON_BLOCKS, &early].concat()).unwrap_err();
+    assert!(!before.contains("gains"), "{before}");
+    let late = ["--fault", "cut:1@35s..3600s"];
+    let after = tune(&[&motor[..], &ON_BLOCKS, &late].concat()).unwrap_err();
+    assert!(after.contains("the gains before are set again"), "{after}");
+    // On the floor it is no stiff body: no gains, so none are set.
+    let none = tune(&[&motor[..], &["--sim"]].concat()).unwrap_err();
+    assert!(none.contains("No gains are set"), "{none}");
+}
+
+/// Proportional and integral gains of a motor's speed and angle.
+type Four = [f32; 4];
+
+/// A run of the team's robot whose gimbal has these gains, with its record if wanted: its errors, degrees.
+fn gimbal(gains: [Option<Four>; 2], record: Option<&std::path::Path>) -> [f64; 2] {
+    const NAMES: [team::Name; 2] = [team::Name::GimbalYaw, team::Name::GimbalPitch];
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = robot_of::<team::Robot>(&shared, &mut motors).unwrap();
+    let loops = robot.loops();
+    let mut robot = robot;
+    for (name, gains) in NAMES.into_iter().zip(gains) {
+        let (port, at) = (ports.motor(name), name as usize);
+        let Some([speed_kp, speed_ki, angle_kp, angle_ki]) = gains else { continue };
+        let cascade = loops[at].unwrap().cascade;
+        robot = robot.task(async move {
+            let speed = Gains { kp: speed_kp, ki: speed_ki, kd: cascade.speed.kd };
+            let angle = Gains { kp: angle_kp, ki: angle_ki, kd: cascade.angle.kd };
+            for request in [Request::SpeedGains(speed), Request::AngleGains(angle)] {
+                // Not before it has been heard of.
+                while port.request(request).await.is_err() {
+                    embassy_time::Timer::after_millis(5).await;
+                }
+            }
+        });
+    }
+    let writer = record.map(|path| RecordWriter::new(path, false, &heading(&robot, 4)).unwrap());
+    let recording = simulate_into(robot, 4, Micros::from_millis(40_000), writer).unwrap();
+    NAMES.map(|name| {
+        let tracking = &recording.motors[name as usize].tracking;
+        tracking.iter().map(rc10_cli::recording::Tracking::rms).fold(0.0, f64::max)
+    })
+}
+
+/// Detuned three times either way and tuned by a record of that, the gimbal follows as well as with the gains of its table.
+#[test]
+fn a_detuned_gimbal_is_as_good_as_before_or_better() {
+    let folder = Scratch::new("tune-detuned");
+    let shipped = gimbal([None; 2], None);
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let loops = robot_of::<team::Robot>(&shared, &mut motors).unwrap().loops();
+    for factor in [3.0, 1.0 / 3.0] {
+        let path = folder.join(format!("{factor}.mcap"));
+        let wrong = [team::Name::GimbalYaw, team::Name::GimbalPitch].map(|name| {
+            let it = loops[name as usize].unwrap().cascade;
+            Some([it.speed.kp, it.speed.ki, it.angle.kp, it.angle.ki].map(|gain| factor * gain))
+        });
+        let detuned = gimbal(wrong, Some(&path));
+        let new = ["gimbal-yaw", "gimbal-pitch"].map(|motor| {
+            let out = folder.display().to_string();
+            let text = tune(&[motor, "--from", path.to_str().unwrap(), "--out", &out]).unwrap();
+            let gain = |line: &str, name: &str| -> f32 {
+                let line = text.lines().find(|it| it.starts_with(line)).unwrap();
+                let rest = line.split(&format!(".{name}(")).nth(1);
+                rest.map_or(0.0, |it| it.split(')').next().unwrap().parse().unwrap())
+            };
+            Some([gain("speed:", "kp"), gain("speed:", "ki"), gain("angle:", "kp"), 0.0])
+        });
+        let tuned = gimbal(new, None);
+        println!("x{factor:.2}: shipped {shipped:.3?} deg, detuned {detuned:.3?}, tuned {tuned:.3?}, {new:?}");
+        for at in 0..2 {
+            assert!(tuned[at] <= 1.01 * shipped[at], "{tuned:?} {shipped:?}");
         }
     }
 }

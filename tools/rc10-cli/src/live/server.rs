@@ -23,6 +23,7 @@ use super::hands::Hands;
 use super::history::{History, thin};
 use super::request::{Door, Plots, Request};
 use crate::lang;
+use crate::tune::command::tuned_page;
 
 /// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
@@ -206,6 +207,11 @@ fn respond(
             Some(report) => ok("text/html; charset=utf-8", report),
             None => Reply::text(404, "there is no report yet"),
         },
+        // What rc10 tune has found of a motor, by the number of one of its signals.
+        (false, "/tuned") => match label_of(query, shown).as_deref().and_then(tuned_page) {
+            Some(page) => ok("text/html; charset=utf-8", page.into()),
+            None => Reply::text(404, "rc10 tune has no page of this motor yet"),
+        },
         (false, "/moving") => ok("application/json", look(shown).moving.as_bytes().into()),
         // Answered here: a page that drives neither waits for the robot's thread nor delays it.
         (true, "/drive") if !is_guest => {
@@ -240,6 +246,15 @@ fn respond(
     })
 }
 
+/// The label of a motor, by the number of one of its signals.
+fn label_of(index: &str, shown: &Mutex<Shown>) -> Option<String> {
+    let index: u64 = index.parse().ok()?;
+    let state: Value = serde_json::from_str(&Arc::clone(&look(shown).state)).ok()?;
+    let mut signals = state.get("signals")?.as_array()?.iter();
+    let found = signals.find(|it| it["index"] == index && it["folder"] == "motors")?;
+    Some(found.get("label")?.as_str()?.to_owned())
+}
+
 /// The state with the values that signals had at a time.
 fn state_at(state: &str, at: Micros, shown: &Mutex<Shown>) -> Vec<u8> {
     let mut state: Value = serde_json::from_str(state).unwrap_or_default();
@@ -258,6 +273,8 @@ pub(super) fn page() -> String {
     const SCRIPT: &str = concat!(
         include_str!("../show/plot.js"),
         include_str!("../show/field.js"),
+        include_str!("../show/step.js"),
+        include_str!("../show/bode.js"),
         include_str!("page/base.js"),
         include_str!("page/layout.js"),
         include_str!("page/signals.js"),

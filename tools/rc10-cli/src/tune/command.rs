@@ -1,36 +1,44 @@
 //! `rc10 tune`: what a motor moves, by a record of it, and gains for that.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{Read, Seek, Write};
-use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use clap::Args;
 use rc10_link::Action;
+use rc10_motor::TargetKind;
 use rc10_motor::rc10_app::{Cascade, Gravity};
-use rc10_motor::{DriveMode, TargetKind};
 use rc10_time::Micros;
 
-use super::estimate::{Estimate, Figure, Sample, Told};
+use super::estimate::{Estimate, Figure, Sample, Told, Unknown};
+use super::experiment::{Gathered, Jumps, Turned, Waves};
 use super::gains::{LEAST_PHASE, MOST_SENSITIVE, Margins, Plant, margins, tuned};
+use super::page::page_of;
+use super::response::{Point, margins_measured, response};
 use crate::args::seconds;
-use crate::files::open;
-use crate::live::client::Answer;
-use crate::live::plan::{FIRST, plan, watch};
-use crate::live::session::{Session, stop};
+use crate::files::{make_folder, open, write_file};
+use crate::live::session::Session;
 use crate::live::source::SourceArgs;
 use crate::live::table::{expression, float};
-use crate::record::fields::Named as _;
 use crate::record::file::{Item, walk};
 use crate::record::replay::numbers;
 use crate::record::topic;
-use crate::recording::look::MotorLook;
 use crate::recording::margin::LEAST;
-use crate::recording::sample::is_angle;
 use crate::terminal::tell;
 use crate::world::robot::Robot;
+
+/// Folder for pages, unless told otherwise.
+const FOLDER: &str = "target/rc10-report";
+
+/// The page of a motor, where the command has put it.
+pub(crate) fn tuned_page(label: &str) -> Option<String> {
+    std::fs::read_to_string(Path::new(FOLDER).join(page_name(label))).ok()
+}
+
+fn page_name(label: &str) -> String {
+    format!("tune-{}.html", label.replace(' ', "-"))
+}
 
 /// Arguments of `rc10 tune`.
 #[derive(Args, Debug)]
@@ -54,8 +62,23 @@ pub struct TuneArgs {
     /// Bandwidth of the speed loop, Hz [default: the fastest that keeps the margins]
     #[arg(long, value_name = "HZ", value_parser = hertz)]
     pub bandwidth: Option<f64>,
+    /// Sets the new gains, measures with them, and puts the old ones back if they do not keep their margins
+    #[arg(long, conflicts_with = "from")]
+    pub apply: bool,
+    /// The same, and keeps them over a power-off
+    #[arg(long, conflicts_with = "from")]
+    pub keep: bool,
+    /// Folder for the page with Bode plot and steps
+    #[arg(long, value_name = "DIR", default_value = FOLDER)]
+    pub out: PathBuf,
     #[command(flatten)]
     pub(crate) at: SourceArgs,
+}
+
+impl TuneArgs {
+    const fn wants_to_apply(&self) -> bool {
+        self.apply || self.keep
+    }
 }
 
 fn within(text: &str, [least, most]: [f64; 2], unit: &str) -> Result<f64> {
@@ -73,44 +96,6 @@ fn rpm(text: &str) -> Result<f64> {
 
 fn hertz(text: &str) -> Result<f64> {
     within(text, [0.1, 100.0], "Hz")
-}
-
-/// Samples of a motor, from looks at it.
-#[derive(Default)]
-struct Gathered {
-    samples: Vec<Sample>,
-    asked: f64,
-    /// The newest speed, rpm.
-    speed: f64,
-    last: Option<(f64, TargetKind)>,
-}
-
-impl Gathered {
-    /// Takes the numbers of a look, by their names; what is told again or of another start is no sample.
-    fn take<'n>(&mut self, at: f64, numbers: impl Iterator<Item = (&'n str, f64)>) {
-        let mut look = MotorLook::NEW;
-        numbers.for_each(|(name, number)| look.put_named(name, number));
-        if self.last.is_some_and(|it| it.0 >= at) {
-            return;
-        }
-        let is_driven = look.status.drive == DriveMode::Run;
-        let before = self.last.replace((at, look.kind));
-        // Angles and speeds are not on the same scale: where one follows the other, it is not known.
-        let before = before.filter(|it| is_driven && is_angle(it.1) == is_angle(look.kind));
-        self.asked = match (before, look.kind) {
-            (None, _) => f64::NAN,
-            (_, kind) if is_angle(kind) => look.target,
-            (Some((before, _)), TargetKind::Speed | TargetKind::SpeedMotion) => {
-                let from = if self.asked.is_nan() { 0.0 } else { self.asked };
-                from + 6.0 * look.target * (at - before)
-            }
-            _ => f64::NAN,
-        };
-        self.speed = look.status.feedback.speed.get().into();
-        let effort = look.effort.filter(|_| is_driven).unwrap_or(f64::NAN);
-        let angle = look.status.feedback.total_angle.microdegrees() as f64 * 1e-6;
-        self.samples.push(Sample { at, effort, angle, reference: self.asked });
-    }
 }
 
 /// The samples of a motor in a record; and why the file ends early, if so. Fails if it is no record, or without this motor.
@@ -135,123 +120,6 @@ fn recorded(file: &mut (impl Read + Seek), label: &str) -> Result<(Vec<Sample>, 
     Ok((gathered.samples, cut))
 }
 
-/// Speeds that tell much: to and fro within a travel, and jumping all the time.
-#[derive(Default)]
-struct Excitation {
-    travel: f64,
-    fastest: f64,
-    random: u64,
-    direction: f64,
-    level: f64,
-    /// Until when it stays at this speed, and at this level, s.
-    until: [f64; 2],
-    speed: f64,
-}
-
-/// Way that a motor goes on until it hears that it should turn round, in seconds of its speed.
-const REACTS: f64 = 0.3;
-
-impl Excitation {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        // Knuth's generator: the same in each experiment.
-        self.random = self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-        low + (high - low) * (self.random >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// The speed to ask for at a time, so many degrees from the start, rpm.
-    fn next(&mut self, at: f64, gone: f64) -> f64 {
-        if gone * self.direction + 6.0 * self.speed.abs() * REACTS > self.travel {
-            self.direction = -self.direction;
-            self.until[0] = at;
-        }
-        if at >= self.until[1] {
-            self.level = self.between(0.45, 0.85);
-            self.until[1] = at + self.between(0.3, 0.8);
-        }
-        if at >= self.until[0] {
-            let more = if self.between(0.0, 1.0) < 0.5 { -0.15 } else { 0.15 };
-            self.speed = self.direction * self.fastest * (self.level + more);
-            self.until[0] = at + self.between(0.03, 0.1);
-        }
-        self.speed
-    }
-}
-
-/// Turns a motor by jogs, which the robot allows and limits, and gathers what it tells. Fails if the robot refuses, or the
-/// motor leaves its travel.
-fn turned(session: &mut Session<'_>, label: &str, wish: [f64; 3]) -> Result<Vec<Sample>> {
-    let [travel, fastest, seconds] = wish;
-    // Where there is little room, it turns so slowly that it can turn round in time.
-    let fastest = fastest.min(travel / (8.0 * REACTS));
-    let ended = stop()?;
-    let motor = session.client.motor(label).context("the robot has no such motor")?;
-    let (topics, _) = plan(&session.client);
-    let mut own: Vec<_> =
-        topics.into_iter().filter(|it| it.name == topic("motors", label)).collect();
-    own.iter_mut().for_each(|it| it.group = FIRST);
-    watch(&mut session.client, &own, 1);
-    let mut excitation =
-        Excitation { travel, fastest, random: 1, direction: 1.0, ..Excitation::default() };
-    let (mut gathered, mut sent, mut asked, mut start) =
-        (Gathered::default(), Micros::ZERO, None, None);
-    let begun = session.now();
-    let outcome = loop {
-        session.step()?;
-        let own = own.first().map_or(&[][..], |it| &it.signals);
-        for sample in session.client.take_samples() {
-            let values: BTreeMap<u16, f32> = sample.values.iter().copied().collect();
-            let named = own.iter().filter_map(|(index, signal)| {
-                Some((signal.name.as_str(), f64::from(*values.get(index)?)))
-            });
-            if sample.group == FIRST {
-                gathered.take(sample.at.get() as f64 * 1e-6, named);
-            }
-        }
-        let Some(now) = gathered.samples.last() else {
-            if session.now().since(begun) > SILENT {
-                bail!(
-                    "{}",
-                    session.trouble().unwrap_or_else(|| "it tells nothing of its motor".into())
-                );
-            }
-            continue;
-        };
-        let (first, from) = *start.get_or_insert((now.at, now.angle));
-        if let Some(Answer::Refused(why)) = asked.and_then(|id| session.client.answer(id)) {
-            break Err(anyhow!("refused: {why}"));
-        }
-        let gone = now.angle - from;
-        if gone.abs() > travel {
-            break Err(anyhow!("stopped: it was {gone:.0} degrees from where it began"));
-        }
-        if ended.load(Ordering::Relaxed) {
-            break Err(anyhow!("stopped"));
-        }
-        if now.at - first > seconds {
-            break Ok(());
-        }
-        let speed = excitation.next(now.at, gone);
-        if session.now().since(sent) >= CADENCE {
-            sent = session.now();
-            // One that turns twice as fast as is asked for counts as one that runs away.
-            let size = speed.abs().max(CALM * gathered.speed.abs()).min(fastest);
-            let jog = Action::Jog(motor, (10.0 * size.copysign(speed)) as i16);
-            asked = Some(session.client.act(jog));
-        }
-    };
-    let rest = session.carry_out(Action::Jog(motor, 0));
-    outcome?;
-    rest?;
-    Ok(gathered.samples)
-}
-
-/// From one jog to the next: it ends 80 ms after the last.
-const CADENCE: Micros = Micros::from_millis(20);
-/// Share of its speed that a motor is asked for at least.
-const CALM: f64 = 0.65;
-/// Time without a word of the motor after which there is no experiment.
-const SILENT: Micros = Micros::from_millis(2000);
-
 /// A figure with its interval, in words.
 fn figure(it: Figure, unit: &str) -> String {
     let Figure { value, half } = it;
@@ -265,11 +133,18 @@ fn told(it: Told, unit: &str) -> String {
     it.map_or_else(|why| why.to_string(), |it| figure(it, unit))
 }
 
-/// Margins of a loop in a line of a table.
-fn line(name: &str, it: &Margins) -> String {
-    let Margins { gain, phase, sensitivity, bandwidth } = it;
-    let decibel = 20.0 * gain.log10();
-    format!("  {name:<22}{decibel:>8.1} dB{phase:>8.0} deg{sensitivity:>8.2}{bandwidth:>10.1} Hz\n")
+/// Margins of both loops in lines of a table.
+fn table(name: &str, loops: &[Margins; 2]) -> String {
+    let line = |which: &str, it: &Margins| {
+        let Margins { gain, phase, sensitivity, bandwidth } = it;
+        let told = |is: bool, text: String| if is { text } else { "-".into() };
+        let gain = told(gain.is_finite(), format!("{:.1} dB", 20.0 * gain.log10()));
+        let phase = told(*bandwidth > 0.0, format!("{phase:.0} deg"));
+        let bandwidth = told(*bandwidth > 0.0, format!("{bandwidth:.1} Hz"));
+        let name = format!("{which}, {name}");
+        format!("  {name:<22}{gain:>11}{phase:>12}{sensitivity:>8.2}{bandwidth:>13}\n")
+    };
+    line("speed", &loops[0]) + &line("angle", &loops[1])
 }
 
 /// The lines of the motor's `Cascade { .. }`.
@@ -297,47 +172,9 @@ fn rounded(value: f32) -> f32 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
-/// Turns a motor, or reads a record of it; estimates what it moves, and prints gains for that. Fails without such a motor or
-/// record, or if nothing can be told.
-pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let motors = robot.description().motors.clone();
-    let at = robot.description().motor_called(&args.motor)?;
-    let (label, jog) = (motors[at].label, motors[at].jog);
-    let Some(loops) = robot.loops().get(at).copied().flatten() else {
-        bail!("{label}: its loops run in the device, with gains of its own");
-    };
-    let (samples, named) = if let Some(file) = &args.from {
-        let named = file.display().to_string();
-        let (samples, cut) = recorded(&mut open(file)?, label).with_context(|| named.clone())?;
-        if let Some(why) = cut {
-            tell(format_args!("{named}: cut off: {why}"));
-        }
-        (samples, named)
-    } else {
-        let most = jog.with_context(|| {
-            format!(
-                "{label}: the robot's table does not allow to turn it; with_jog does, in its entry"
-            )
-        })?;
-        let fastest = args.speed.unwrap_or(most);
-        ensure!(fastest <= most, "{label}: its with_jog allows {most} rpm");
-        let connection = args.at.open_disarmed(robot)?;
-        let mut session = Session::meet(connection)?;
-        let travel = args.travel.context("--travel is missing")?;
-        let wish = [travel, fastest, args.seconds.get() as f64 * 1e-6];
-        let samples = turned(&mut session, label, wish).with_context(|| label.to_owned())?;
-        (samples, session.name().to_owned())
-    };
-    let estimate = Estimate::of(&samples).map_err(|why| anyhow!("{label}: {why}"))?;
-    let unit = match loops.effort {
-        TargetKind::Current => "A",
-        TargetKind::Torque => "N m",
-        _ => "share",
-    };
-    let Estimate { seconds, speeds: [slowest, fastest], left, .. } = estimate;
-    let mut text = format!(
-        "{label}, from {named}: {seconds:.1} s of use, at {slowest:.0} to {fastest:.0} rpm; 95 % intervals\n"
-    );
+/// The estimate in a table.
+fn estimates(estimate: &Estimate, unit: &str) -> Result<String> {
+    let mut text = String::new();
     let mut row = |name: &str, value: &str| writeln!(text, "  {name:<16}{value}");
     row("inertia", &told(estimate.inertia, &format!("{unit}/(rpm/s)")))?;
     row("dry friction", &told(estimate.friction, unit))?;
@@ -355,15 +192,13 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         Some(play) => row("play", &format!("at least {}", figure(play, "deg")))?,
         None => row("play", "cannot be told from this: no sign of it")?,
     }
-    row("left over", &format!("{left:.2e} {unit}, root mean square"))?;
-    write!(out, "{text}")?;
-    let mut new = match tuned(&loops.cascade, &estimate, args.bandwidth) {
-        Ok(new) => new,
-        Err(why) => {
-            writeln!(out, "\nNo gains: they need inertia and delay. {why}")?;
-            return Ok(());
-        }
-    };
+    row("left over", &format!("{:.2e} {unit}, root mean square", estimate.left))?;
+    Ok(text)
+}
+
+/// Gains for an estimate, to three digits.
+fn gains(loops: &Cascade, estimate: &Estimate, bandwidth: Option<f64>) -> Result<Cascade, Unknown> {
+    let mut new = tuned(loops, estimate, bandwidth)?;
     let ff = &mut new.feed_forward;
     for it in [
         &mut new.speed.kp,
@@ -379,18 +214,186 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         Gravity::Lift(effort) | Gravity::Arm { effort, .. } => *effort = rounded(*effort),
         Gravity::None => {}
     }
-    let plants = Plant::all(&estimate).unwrap_or_default();
-    writeln!(
-        out,
-        "\nThe worst margins within these intervals; kept are {:.0} dB, {LEAST_PHASE} deg, a sensitivity below {MOST_SENSITIVE}",
-        20.0 * LEAST.log10()
-    )?;
-    writeln!(out, "  {:<22}{:>11}{:>12}{:>8}{:>13}", "loop", "gain", "phase", "Ms", "bandwidth")?;
-    for (name, cascade) in [("now", &loops.cascade), ("tuned", &new)] {
-        let [speed, angle] = margins(&plants, cascade);
-        write!(out, "{}", line(&format!("speed, {name}"), &speed))?;
-        write!(out, "{}", line(&format!("angle, {name}"), &angle))?;
+    Ok(new)
+}
+
+/// A motor's parameters, as the live link calls them, with its gains.
+fn parameters(label: &str, it: &Cascade) -> Vec<(String, f32)> {
+    let gains = [
+        ("speed_kp", it.speed.kp),
+        ("speed_ki", it.speed.ki),
+        ("speed_kd", it.speed.kd),
+        ("angle_kp", it.angle.kp),
+        ("angle_ki", it.angle.ki),
+        ("angle_kd", it.angle.kd),
+    ];
+    gains.map(|(name, gain)| (format!("{}.{name}", label.replace(' ', "_")), gain)).to_vec()
+}
+
+/// The cascade with the gains that the robot has now.
+fn present(session: &Session<'_>, label: &str, table: &Cascade) -> Result<Cascade> {
+    let mut now = *table;
+    let values = parameters(label, table).into_iter();
+    let values: Vec<f32> =
+        values.map(|(name, _)| Ok(session.parameter(&name)?.value)).collect::<Result<_>>()?;
+    let all = [
+        &mut now.speed.kp,
+        &mut now.speed.ki,
+        &mut now.speed.kd,
+        &mut now.angle.kp,
+        &mut now.angle.ki,
+        &mut now.angle.kd,
+    ];
+    all.into_iter().zip(values).for_each(|(gain, value)| *gain = value);
+    Ok(now)
+}
+
+/// What is known of a motor's loops in the end: what the page shows.
+pub(super) struct Tuning {
+    /// What was printed.
+    pub text: String,
+    /// The loops before, and with the new gains if there are some.
+    pub loops: [Option<Cascade>; 2],
+    /// The plant of the estimate, and what was measured.
+    pub plant: Option<Plant>,
+    pub points: Vec<Point>,
+    /// Steps before, and with the new gains.
+    pub steps: [Vec<Sample>; 2],
+}
+
+/// Turns a motor with its new gains: a swept sine, and steps. Puts the old ones back if that fails, or the margins that it
+/// measures are below what is promised.
+fn tried(turned: &mut Turned<'_, '_>, label: &str, [now, new]: [&Cascade; 2]) -> Result<[Vec<Sample>; 2]> {
+    turned.session.set(&parameters(label, new))?;
+    let whole = turned.whole();
+    let outcome = (|| {
+        let steps = turned.turn(&mut Waves::steps(whole))?;
+        let sweep = turned.turn(&mut Waves::sweep(whole))?;
+        for it in margins_measured(&response(&sweep), new).into_iter().flatten() {
+            ensure!(it.are_kept(), "measured, it keeps its margins not: {it:?}");
+        }
+        Ok([steps, sweep])
+    })();
+    outcome.or_else(|why: anyhow::Error| {
+        turned.session.set(&parameters(label, now)).context("THE NEW GAINS ARE STILL SET")?;
+        Err(why.context("the gains before are set again"))
+    })
+}
+
+/// Turns a motor, or reads a record of it; estimates what it moves, and prints gains for that. Fails without such a motor or
+/// record, or if nothing can be told.
+pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let motors = robot.description().motors.clone();
+    let at = robot.description().motor_called(&args.motor)?;
+    let (label, jog) = (motors[at].label, motors[at].jog);
+    let Some(loops) = robot.loops().get(at).copied().flatten() else {
+        bail!("{label}: its loops run in the device, with gains of its own");
+    };
+    let unit = match loops.effort {
+        TargetKind::Current => "A",
+        TargetKind::Torque => "N m",
+        _ => "share",
+    };
+    let mut session = None;
+    if args.from.is_none() {
+        let most = jog.with_context(|| {
+            format!(
+                "{label}: the robot's table does not allow to turn it; with_jog does, in its entry"
+            )
+        })?;
+        let fastest = args.speed.unwrap_or(most);
+        ensure!(fastest <= most, "{label}: its with_jog allows {most} rpm");
+        let travel = args.travel.context("--travel is missing")?;
+        session = Some((Session::meet(args.at.open_disarmed(robot)?)?, [travel, fastest]));
     }
-    writeln!(out, "\nFor the table, in the motor's Cascade {{ .. }}:\n{}", lines(&new))?;
+    let mut turned = session.as_mut().map(|(session, wish)| Turned::new(session, label, *wish));
+    let mut turned = turned.take().transpose()?;
+    let mut found = Tuning {
+        text: String::new(),
+        loops: [Some(loops.cascade), None],
+        plant: None,
+        points: Vec::new(),
+        steps: Default::default(),
+    };
+    let (samples, named) = match (&mut turned, &args.from) {
+        (Some(turned), _) => {
+            let named = || label.to_owned();
+            found.loops[0] = Some(present(turned.session, label, &loops.cascade)?);
+            let whole = turned.whole();
+            found.steps[0] = turned.turn(&mut Waves::steps(whole)).with_context(named)?;
+            let seconds = args.seconds.get() as f64 * 1e-6;
+            let samples = turned.turn(&mut Jumps::new(seconds)).with_context(named)?;
+            (samples, turned.session.name().to_owned())
+        }
+        (None, file) => {
+            let file = file.as_ref().context("--from is missing")?;
+            let named = file.display().to_string();
+            let (samples, cut) = recorded(&mut open(file)?, label).with_context(|| named.clone())?;
+            if let Some(why) = cut {
+                tell(format_args!("{named}: cut off: {why}"));
+            }
+            (samples, named)
+        }
+    };
+    let estimate = Estimate::of(&samples).map_err(|why| anyhow!("{label}: {why}"))?;
+    let Estimate { seconds, speeds: [slowest, fastest], .. } = estimate;
+    let heading = format!(
+        "{label}, from {named}: {seconds:.1} s of use, at {slowest:.0} to {fastest:.0} rpm; 95 % intervals\n"
+    );
+    found.text = heading + &estimates(&estimate, unit)?;
+    found.plant = Plant::of(&estimate).ok();
+    let now = found.loops[0].unwrap_or(loops.cascade);
+    match gains(&now, &estimate, args.bandwidth) {
+        Err(why) => {
+            ensure!(!args.wants_to_apply(), "{}\nNo gains are set. {why}", found.text);
+            write!(found.text, "\nNo gains: they need inertia and delay. {why}\n")?;
+        }
+        Ok(new) => {
+            found.loops[1] = Some(new);
+            let plants = Plant::all(&estimate).unwrap_or_default();
+            write!(
+                found.text,
+                "\nThe worst margins within these intervals; kept are {:.0} dB, {LEAST_PHASE} deg, a sensitivity below {MOST_SENSITIVE}\n",
+                20.0 * LEAST.log10()
+            )?;
+            found.text += &format!("  {:<22}{:>11}{:>12}{:>8}{:>13}\n", "loop", "gain", "phase", "Ms", "bandwidth");
+            found.text += &(table("now", &margins(&plants, &now)) + &table("tuned", &margins(&plants, &new)));
+        }
+    }
+    // A record has a sweep, too, if one was made while it was written.
+    let sweep = match (&mut turned, found.loops[1].filter(|_| args.wants_to_apply())) {
+        (Some(turned), Some(new)) => {
+            let [steps, sweep] = tried(turned, label, [&now, &new]).with_context(|| label.to_owned())?;
+            found.steps[1] = steps;
+            sweep
+        }
+        (Some(turned), None) => {
+            let whole = turned.whole();
+            turned.turn(&mut Waves::sweep(whole)).with_context(|| label.to_owned())?
+        }
+        (None, _) => samples,
+    };
+    found.points = response(&sweep);
+    if let (Some(it), [first, .., last]) = (margins_measured(&found.points, &now), found.points.as_slice()) {
+        write!(found.text, "\nMeasured at {:.1} to {:.0} Hz; - lies beyond\n", first.hz, last.hz)?;
+        found.text += &table("now", &it);
+        if let Some(it) = found.loops[1].and_then(|new| margins_measured(&found.points, &new)) {
+            found.text += &table("tuned", &it);
+        }
+    }
+    if let Some(new) = &found.loops[1] {
+        write!(found.text, "\nFor the table, in the motor's Cascade {{ .. }}:\n{}", lines(new))?;
+    }
+    if let Some(turned) = turned.filter(|_| args.wants_to_apply()) {
+        if args.keep {
+            turned.session.carry_out(Action::Save)?;
+        }
+        let how_long = if args.keep { "kept over a power-off" } else { "until power-off; rc10 save keeps them" };
+        write!(found.text, "\nThe new gains are set, {how_long}.\n")?;
+    }
+    let page = page_name(label);
+    make_folder(&args.out)?;
+    write_file(&args.out, &page, page_of(label, &found).as_bytes())?;
+    writeln!(out, "{}\nBode plot and steps: {}", found.text, args.out.join(page).display())?;
     Ok(())
 }

@@ -18,6 +18,8 @@ pub struct Sample {
     pub effort: f64,
     /// Angle of the output shaft by its feedback, degrees.
     pub angle: f64,
+    /// Speed of the output shaft as its loops measure it, rpm.
+    pub speed: f64,
     /// Angle that its target asks for, or the integral of its target speed, degrees; NaN if that is not known.
     pub reference: f64,
 }
@@ -492,6 +494,14 @@ impl Fit {
         self.rows.iter().map(|(row, effort)| (effort - product(row, &best)).powi(2)).sum()
     }
 
+    /// The delay, s.
+    fn delay(&self) -> Figure {
+        let Figure { value, half } = self.figure(|it| self.delay + it[DELAY]);
+        // With play a motor begins without its load.
+        let half = half * if self.plain.is_some() { 1.5 } else { 1.0 };
+        Figure { value, half: half.hypot(GIVES) }
+    }
+
     /// A value of the answer with its interval, by leaving out each stretch once.
     fn figure(&self, of: impl Fn(&Row) -> f64) -> Figure {
         let value = of(&self.whole.solve());
@@ -545,13 +555,14 @@ impl Estimate {
         let mut best = best;
         best[DELAY] += plain.delay - fit.delay;
         fit.plain = Some(best);
-        // By what is left where no play opens, if that is enough.
+        // By what is left where no play opens, if that tells more.
         for _ in 0..2 {
             let best = fit.whole.solve();
             let mut pressed = samples.windows(behind, None);
             pressed.retain(|it| samples.is_pressed(it, &best));
             if pressed.len() as f64 * STEP >= STRETCH * STRETCHES[1] as f64 {
-                fit = samples.fit(&pressed, fit.delay);
+                let pressed = samples.fit(&pressed, fit.delay);
+                fit = if pressed.delay().half < fit.delay().half { pressed } else { fit };
             }
         }
         Self::tell(&samples, &fit, Some(play))
@@ -593,10 +604,7 @@ impl Estimate {
         let is_arm = samples.may_be_arm()
             && amplitude.half < 0.3 * amplitude.value
             && amplitude.value > 0.03 * effort;
-        let mut delay = fit.figure(|it| fit.delay + it[DELAY]);
-        // With play a motor begins without its load.
-        delay.half *= if fit.plain.is_some() { 1.5 } else { 1.0 };
-        delay.half = delay.half.hypot(GIVES);
+        let delay = fit.delay();
         let only = |is: bool, why: Unknown| if is { Ok(()) } else { Err(why) };
         Ok(Self {
             inertia: only(inertia.half < 0.3 * inertia.value, Unknown::TooFree).map(|()| inertia),

@@ -24,30 +24,39 @@ const INTEGRAL: f64 = 6.0;
 const GRID: (f64, f64, i32) = (0.5, 1.02, 460);
 
 /// A frequency response at one frequency.
-#[derive(Clone, Copy)]
-struct Complex(f64, f64);
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Complex(pub f64, pub f64);
 
 impl Complex {
-    fn polar(size: f64, phase: f64) -> Self {
+    pub fn polar(size: f64, phase: f64) -> Self {
         Self(size * phase.cos(), size * phase.sin())
     }
 
-    fn times(self, other: Self) -> Self {
+    pub fn times(self, other: Self) -> Self {
         Self(self.0 * other.0 - self.1 * other.1, self.0 * other.1 + self.1 * other.0)
     }
 
-    fn over(self, other: Self) -> Self {
+    pub fn over(self, other: Self) -> Self {
         let square = other.0 * other.0 + other.1 * other.1;
         let Self(real, imaginary) = self.times(Self(other.0, -other.1));
         Self(real / square, imaginary / square)
+    }
+
+    pub fn plus(self, other: Self) -> Self {
+        Self(self.0 + other.0, self.1 + other.1)
     }
 
     fn plus_one(self) -> Self {
         Self(self.0 + 1.0, self.1)
     }
 
-    fn size(self) -> f64 {
+    pub fn size(self) -> f64 {
         self.0.hypot(self.1)
+    }
+
+    /// Radians.
+    pub fn phase(self) -> f64 {
+        self.1.atan2(self.0)
     }
 }
 
@@ -76,12 +85,13 @@ pub struct Margins {
 }
 
 impl Margins {
-    fn of(response: impl Fn(f64) -> Complex) -> Self {
+    /// Within these frequencies, rad/s.
+    fn of([lowest, highest]: [f64; 2], response: impl Fn(f64) -> Complex) -> Self {
         let mut margins =
             Self { gain: f64::INFINITY, phase: 180.0, sensitivity: 1.0, bandwidth: 0.0 };
         let mut last: Option<Complex> = None;
-        for step in 0..GRID.2 {
-            let w = GRID.0 * GRID.1.powi(step);
+        let all = (0..GRID.2).map(|step| GRID.0 * GRID.1.powi(step));
+        for w in all.filter(|w| (lowest..=highest).contains(w)) {
             let now = response(w);
             margins.sensitivity = margins.sensitivity.max(1.0 / now.plus_one().size());
             let before = last.replace(now).unwrap_or(now);
@@ -92,7 +102,7 @@ impl Margins {
                 margins.gain = margins.gain.min(-1.0 / at);
             }
             if before.size() >= 1.0 && now.size() < 1.0 {
-                let phase = PI - before.1.atan2(before.0).abs();
+                let phase = PI - before.phase().abs();
                 let phase = if before.1 > 0.0 { -phase } else { phase };
                 margins.phase = margins.phase.min(phase.to_degrees());
                 margins.bandwidth = w / TAU;
@@ -118,6 +128,15 @@ impl Margins {
 }
 
 impl Plant {
+    /// The values of an estimate.
+    ///
+    /// # Errors
+    /// What gains need, and cannot be told.
+    pub fn of(estimate: &Estimate) -> Result<Self, Unknown> {
+        let viscous = estimate.viscous.map_or(0.0, |it| it.value.max(0.0));
+        Ok(Self { inertia: estimate.inertia?.value, viscous, delay: estimate.delay?.value })
+    }
+
     /// The corners of an estimate's intervals.
     ///
     /// # Errors
@@ -140,23 +159,36 @@ impl Plant {
         Ok(corners.collect())
     }
 
-    fn speed_loop(&self, cascade: &Cascade, w: f64) -> Complex {
-        let (kp, ki) = (f64::from(cascade.speed.kp), f64::from(cascade.speed.ki));
+    /// The speed, in rpm, that an effort of one gives at a frequency, rad/s.
+    pub(super) fn response(&self, w: f64) -> Complex {
         let delay = Complex::polar(1.0, -w * (self.delay + TICK));
-        Complex(kp, -ki / w).times(delay).over(Complex(self.viscous, w * self.inertia))
+        delay.over(Complex(self.viscous, w * self.inertia))
     }
 
     /// Margins of the speed loop, and of the angle loop around it.
     pub fn margins(&self, cascade: &Cascade) -> [Margins; 2] {
-        let speed = Margins::of(|w| self.speed_loop(cascade, w));
-        let hold = 0.5e-3 * f64::from(cascade.outer_divider.max(1));
-        let angle = Margins::of(|w| {
-            let inner = self.speed_loop(cascade, w);
-            let gain = 6.0 * f64::from(cascade.angle.kp) / w;
-            inner.over(inner.plus_one()).times(Complex::polar(gain, -PI / 2.0 - w * hold))
-        });
-        [speed, angle]
+        margins_of(cascade, [0.0, f64::INFINITY], |w| self.response(w))
     }
+}
+
+/// The loop of a speed controller around what it controls.
+pub(super) fn speed_loop(cascade: &Cascade, plant: Complex, w: f64) -> Complex {
+    Complex(cascade.speed.kp.into(), -f64::from(cascade.speed.ki) / w).times(plant)
+}
+
+/// Margins of the speed loop, and of the angle loop around it, within some frequencies, by the response of what they control.
+pub(super) fn margins_of(
+    cascade: &Cascade,
+    span: [f64; 2],
+    plant: impl Fn(f64) -> Complex,
+) -> [Margins; 2] {
+    let inner = |w: f64| speed_loop(cascade, plant(w), w);
+    let hold = 0.5e-3 * f64::from(cascade.outer_divider.max(1));
+    let angle = Margins::of(span, |w| {
+        let (inner, gain) = (inner(w), 6.0 * f64::from(cascade.angle.kp) / w);
+        inner.over(inner.plus_one()).times(Complex::polar(gain, -PI / 2.0 - w * hold))
+    });
+    [Margins::of(span, inner), angle]
 }
 
 /// The worst margins of all plants.
@@ -179,8 +211,7 @@ pub fn tuned(
     bandwidth: Option<f64>,
 ) -> Result<Cascade, Unknown> {
     let plants = Plant::all(estimate)?;
-    let inertia = estimate.inertia?.value;
-    let viscous = estimate.viscous.map_or(0.0, |it| it.value.max(0.0));
+    let Plant { inertia, viscous, .. } = Plant::of(estimate)?;
     let mut tuned = *cascade;
     // What the loops do not have, they keep: a derivative would need a smoother speed.
     (tuned.speed.kd, tuned.angle.ki, tuned.angle.kd) = (0.0, 0.0, 0.0);

@@ -2,6 +2,9 @@
 
 pub mod command;
 pub mod estimate;
+mod experiment;
 pub mod gains;
+pub(crate) mod page;
+pub mod response;
 #[cfg(test)]
 mod tests;

@@ -7,7 +7,9 @@ use std::f64::consts::TAU;
 use rc10_motor::dji::M3508;
 
 use super::estimate::{Estimate, Sample, Told, Unknown};
-use super::gains::{LEAST_PHASE, MOST_SENSITIVE, Plant as Loop, margins, tuned};
+use super::experiment::{Speeds as _, Waves};
+use super::gains::{Complex, LEAST_PHASE, MOST_SENSITIVE, Plant as Loop, margins, tuned};
+use super::response::{frequencies, margins_measured, response};
 
 /// splitmix64.
 struct Random(u64);
@@ -193,7 +195,7 @@ impl Plant {
                 let sine = self.sine[0] * (TAU * self.sine[1] * at).sin();
                 let effort = ((effort + sine).clamp(-limit, limit) / lsb).round() * lsb;
                 due.push_back((step + (way / STEP).round() as usize, effort));
-                samples.push(Sample { at, effort, angle: told * self.sign, reference: asked });
+                samples.push(Sample { at, effort, angle: told * self.sign, speed: fast * self.sign, reference: asked });
                 let [size, time] = self.noise;
                 noise += -noise / time * 1e-3 + size * (2e-3 / time).sqrt() * random.normal();
             }
@@ -440,4 +442,82 @@ fn a_thousand_random_plants() {
         &scores,
         [(990, 930), (990, 930), (950, 930), (990, 930), (990, 930), (890, 930)],
     );
+}
+
+/// A speed loop of inertia alone with a delay of whole ticks, whose target is a sine upon a speed; noise on the speed.
+fn swept(gains: [f64; 2], delay: usize, noise: f64) -> Vec<Sample> {
+    let (inertia, mut speed, mut integral, mut asked) = (0.002, 0.0_f64, 0.0, 0.0);
+    let (mut random, mut due) = (Random(7), VecDeque::from(vec![0.0; delay]));
+    let (mut samples, mut at) = (Vec::new(), 0.0);
+    for hz in frequencies() {
+        let begin = at;
+        while at < begin + 0.4 + (6.0 / hz).max(0.6) {
+            let sine = if at < begin + 0.4 { 0.0 } else { (TAU * hz * (at - begin - 0.4)).sin() };
+            let target = 14.0 + 4.0 * sine;
+            let seen = speed + noise * random.normal();
+            integral += gains[1] * (target - seen) * 1e-3;
+            let effort = gains[0] * (target - seen) + integral;
+            asked += 6e-3 * target;
+            samples.push(Sample { at, effort, angle: 0.0, speed: seen, reference: asked });
+            due.push_back(effort);
+            speed += 1e-3 / inertia * due.pop_front().unwrap_or_default();
+            at += 1e-3;
+        }
+    }
+    samples
+}
+
+/// A sweep tells the response of what is controlled, whatever controls it; and by that the margins with any gains.
+#[test]
+fn a_swept_sine_tells_response_and_margins() {
+    for (gains, noise) in [([0.1, 1.0], 0.0), ([0.1, 1.0], 0.3), ([0.03, 0.1], 0.1)] {
+        let points = response(&swept(gains, 2, noise));
+        assert!(points.len() >= 14, "{} with noise {noise}", points.len());
+        let worst = points.iter().map(|it| {
+            // A sum of ticks behind two of them.
+            let turn = TAU * it.hz * 1e-3;
+            let sum = Complex(1.0, 0.0).over(Complex(turn.cos() - 1.0, turn.sin()));
+            let exact = sum.times(Complex::polar(0.5, -2.0 * turn));
+            it.plant.over(exact).plus(Complex(-1.0, 0.0)).size()
+        });
+        let worst = worst.fold(0.0, f64::max);
+        println!("noise {noise}: {} points, {:.1} % off at most", points.len(), 100.0 * worst);
+        assert!(worst < if noise > 0.0 { 0.08 } else { 0.01 }, "{worst}");
+        // Half a tick of hold and the one in which a speed is measured are in the model: 1.5 ms, and half a tick here.
+        let model = Loop { inertia: 0.002, viscous: 0.0, delay: 1e-3 };
+        let mut cascade = M3508.cascade;
+        (cascade.speed.kp, cascade.speed.ki, cascade.angle.kp) = (0.25, 4.0, 4.0);
+        let [measured, angle] = margins_measured(&points, &cascade).unwrap();
+        let [computed, around] = model.margins(&cascade);
+        assert!((measured.phase - computed.phase).abs() < 3.0, "{measured:?} {computed:?}");
+        assert!((measured.bandwidth / computed.bandwidth - 1.0).abs() < 0.05, "{measured:?}");
+        assert!((measured.sensitivity / computed.sensitivity - 1.0).abs() < 0.15, "{measured:?}");
+        assert!((angle.phase - around.phase).abs() < 5.0, "{angle:?} {around:?}");
+    }
+}
+
+/// What asks for no sine tells no response: a plant that is driven at jumping speeds.
+#[test]
+fn jumps_are_no_sweep() {
+    let points = response(&Plant::random(0).run(20.0));
+    assert!(points.is_empty(), "{points:?}");
+    assert!(margins_measured(&points, &M3508.cascade).is_none());
+}
+
+/// Waves for which a travel has no room are left out, and the others come after each other.
+#[test]
+fn a_short_travel_has_fewer_waves() {
+    let count = |whole: f64| {
+        let (mut waves, mut changes, mut last, mut at) = (Waves::sweep(whole), 0, 0.0, 0.0);
+        while let Some(share) = waves.next(at, whole) {
+            assert!((0.45..=0.95).contains(&share), "{share}");
+            changes += u32::from(share != last);
+            (last, at) = (share, at + 1e-3);
+            assert!(at < 60.0);
+        }
+        (changes > 0, at)
+    };
+    assert_eq!(count(0.5), (false, 0.0));
+    let (all, short) = (count(10.0), count(1.5));
+    assert!(all.0 && short.0 && all.1 > short.1 + 5.0, "{all:?} {short:?}");
 }

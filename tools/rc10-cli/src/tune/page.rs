@@ -1,0 +1,84 @@
+//! The page of a tuned motor: its Bode plot, and steps before and after. It loads nothing from anywhere.
+
+use std::f64::consts::{PI, TAU};
+
+use rc10_motor::rc10_app::Cascade;
+use serde_json::{Value, json};
+
+use super::command::Tuning;
+use super::estimate::Sample;
+use super::gains::{Complex, Plant, speed_loop};
+use super::response::Point;
+use crate::lang;
+
+/// Frequencies of a computed curve, Hz: from, ratio, and how many.
+const CURVE: (f64, f64, i32) = (1.0, 1.04, 118);
+
+fn curve(name: &str, is_measured: bool, points: impl Iterator<Item = (f64, Complex)>) -> Value {
+    let (mut hz, mut db, mut deg) = (Vec::new(), Vec::new(), Vec::new());
+    for (at, it) in points {
+        hz.push(at);
+        db.push(20.0 * it.size().log10());
+        // A loop lags by a quarter of a turn to one and a quarter.
+        let phase = it.phase();
+        deg.push((if phase > PI / 4.0 { phase - TAU } else { phase }).to_degrees());
+    }
+    json!({ "name": name, "measured": is_measured, "hz": hz, "db": db, "deg": deg })
+}
+
+/// The open speed loop with some gains, as it is computed and as it was measured, for the page.
+pub(crate) fn curves(
+    name: &str,
+    cascade: &Cascade,
+    plant: Option<&Plant>,
+    points: &[Point],
+) -> [Value; 2] {
+    let grid = (0..if plant.is_some() { CURVE.2 } else { 0 }).map(|at| CURVE.0 * CURVE.1.powi(at));
+    let at = |hz: f64| {
+        let plant = plant.map_or(Complex(f64::NAN, 0.0), |it| it.response(TAU * hz));
+        (hz, speed_loop(cascade, plant, TAU * hz))
+    };
+    let measured = points.iter().map(|it| (it.hz, speed_loop(cascade, it.plant, TAU * it.hz)));
+    [curve(name, false, grid.map(at)), curve(&format!("{name}, measured"), true, measured)]
+}
+
+fn steps(name: &str, samples: &[Sample]) -> Option<Value> {
+    let begin = samples.first()?.at;
+    let pairs = || samples.windows(2);
+    let asked = |pair: &[Sample]| {
+        let asked = (pair[1].reference - pair[0].reference) / (pair[1].at - pair[0].at) / 6.0;
+        // A thousandth of an rpm: it is the difference of two angles.
+        (1000.0 * asked).round() / 1000.0
+    };
+    let times: Vec<_> = pairs().map(|pair| pair[1].at - begin).collect();
+    let target: Vec<_> = pairs().map(asked).map(|it| it.is_finite().then_some(it)).collect();
+    let values: Vec<_> = pairs().map(|pair| pair[1].speed).collect();
+    Some(json!({ "gains": name, "times": times, "target": target, "values": values }))
+}
+
+/// The page.
+pub(super) fn page_of(label: &str, found: &Tuning) -> String {
+    let loops = ["now", "tuned"].into_iter().zip(&found.loops);
+    let curves = loops.filter_map(|(name, cascade)| {
+        Some(curves(name, cascade.as_ref()?, found.plant.as_ref(), &found.points))
+    });
+    let stepped = ["now", "tuned"].into_iter().zip(&found.steps);
+    let data = json!({
+        "label": label,
+        "text": found.text,
+        "curves": curves.flatten().collect::<Vec<_>>(),
+        "steps": stepped.filter_map(|(name, samples)| steps(name, samples)).collect::<Vec<_>>(),
+    });
+    const SCRIPT: &str = concat!(
+        include_str!("../show/plot.js"),
+        include_str!("../show/step.js"),
+        include_str!("../show/bode.js"),
+    );
+    const STYLE: &str =
+        concat!(include_str!("../show/colours.css"), include_str!("../show/report.css"));
+    include_str!("tune.html")
+        .replace("/*STYLE*/", STYLE)
+        .replace("/*SCRIPT*/", &(lang::script() + SCRIPT))
+        // Within an element of HTML.
+        .replace("/*DATA*/", &data.to_string().replace('<', "\\u003c"))
+}
