@@ -1,5 +1,5 @@
 //! The firmware on an emulated chip: the scenarios of `tests/firmware.rs`, and the page and the
-//! shells of `tests/live_page.rs` and `tests/live_reach.rs` before it.
+//! shells of `tests/live_page.rs`, `tests/live_reach.rs` and `tests/tune.rs` before it.
 
 use std::path::Path;
 
@@ -17,5 +17,9 @@ pub fn run(program: &Path, names: &[&str]) -> Result<()> {
         run_command(host(&test).args(names).env("RC10_FIRMWARE", program))
     };
     run("firmware", "include-ignored", names)?;
-    if names.is_empty() { run("all", "ignored", &["live_page::", "live_reach::"]) } else { Ok(()) }
+    if names.is_empty() {
+        run("all", "ignored", &["live_page::", "live_reach::", "tune::"])
+    } else {
+        Ok(())
+    }
 }

@@ -18,6 +18,7 @@ use super::page::page_of;
 use super::response::{Point, margins_measured, response};
 use crate::args::seconds;
 use crate::files::{make_folder, open, write_file};
+use crate::lang::Language;
 use crate::live::session::Session;
 use crate::live::source::SourceArgs;
 use crate::live::table::{expression, float};
@@ -175,7 +176,7 @@ fn rounded(value: f32) -> f32 {
 /// The estimate in a table.
 fn estimates(estimate: &Estimate, unit: &str) -> Result<String> {
     let mut text = String::new();
-    let mut row = |name: &str, value: &str| writeln!(text, "  {name:<16}{value}");
+    let mut row = |name: &str, value: &str| writeln!(text, "  {name:<18}{value}");
     row("inertia", &told(estimate.inertia, &format!("{unit}/(rpm/s)")))?;
     row("dry friction", &told(estimate.friction, unit))?;
     row("viscous", &told(estimate.viscous, &format!("{unit}/rpm")))?;
@@ -250,8 +251,9 @@ fn present(session: &Session<'_>, label: &str, table: &Cascade) -> Result<Cascad
 
 /// What is known of a motor's loops in the end: what the page shows.
 pub(super) struct Tuning {
-    /// What was printed.
+    /// What is printed: the numbers, and lines of Rust.
     pub text: String,
+    pub code: String,
     /// The loops before, and with the new gains if there are some.
     pub loops: [Option<Cascade>; 2],
     /// The plant of the estimate, and what was measured.
@@ -263,14 +265,18 @@ pub(super) struct Tuning {
 
 /// Turns a motor with its new gains: a swept sine, and steps. Puts the old ones back if that fails, or the margins that it
 /// measures are below what is promised.
-fn tried(turned: &mut Turned<'_, '_>, label: &str, [now, new]: [&Cascade; 2]) -> Result<[Vec<Sample>; 2]> {
+fn tried(
+    turned: &mut Turned<'_, '_>,
+    label: &str,
+    [now, new]: [&Cascade; 2],
+) -> Result<[Vec<Sample>; 2]> {
     turned.session.set(&parameters(label, new))?;
     let whole = turned.whole();
     let outcome = (|| {
         let steps = turned.turn(&mut Waves::steps(whole))?;
         let sweep = turned.turn(&mut Waves::sweep(whole))?;
         for it in margins_measured(&response(&sweep), new).into_iter().flatten() {
-            ensure!(it.are_kept(), "measured, it keeps its margins not: {it:?}");
+            ensure!(it.are_kept(), "a sweep measures too little margin: {it:?}");
         }
         Ok([steps, sweep])
     })();
@@ -310,6 +316,7 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     let mut turned = turned.take().transpose()?;
     let mut found = Tuning {
         text: String::new(),
+        code: String::new(),
         loops: [Some(loops.cascade), None],
         plant: None,
         points: Vec::new(),
@@ -328,14 +335,16 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         (None, file) => {
             let file = file.as_ref().context("--from is missing")?;
             let named = file.display().to_string();
-            let (samples, cut) = recorded(&mut open(file)?, label).with_context(|| named.clone())?;
+            let (samples, cut) =
+                recorded(&mut open(file)?, label).with_context(|| named.clone())?;
             if let Some(why) = cut {
                 tell(format_args!("{named}: cut off: {why}"));
             }
             (samples, named)
         }
     };
-    let estimate = Estimate::of(&samples).map_err(|why| anyhow!("{label}: {why}"))?;
+    let estimate = Estimate::of(&samples)
+        .map_err(|why| anyhow!("{label}: {}", Language::spoken().say(&why.to_string())))?;
     let Estimate { seconds, speeds: [slowest, fastest], .. } = estimate;
     let heading = format!(
         "{label}, from {named}: {seconds:.1} s of use, at {slowest:.0} to {fastest:.0} rpm; 95 % intervals\n"
@@ -345,7 +354,10 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     let now = found.loops[0].unwrap_or(loops.cascade);
     match gains(&now, &estimate, args.bandwidth) {
         Err(why) => {
-            ensure!(!args.wants_to_apply(), "{}\nNo gains are set. {why}", found.text);
+            if args.wants_to_apply() {
+                let text = format!("{}\nNo gains are set. {why}", found.text);
+                bail!("{}", Language::spoken().say(&text));
+            }
             write!(found.text, "\nNo gains: they need inertia and delay. {why}\n")?;
         }
         Ok(new) => {
@@ -356,14 +368,19 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
                 "\nThe worst margins within these intervals; kept are {:.0} dB, {LEAST_PHASE} deg, a sensitivity below {MOST_SENSITIVE}\n",
                 20.0 * LEAST.log10()
             )?;
-            found.text += &format!("  {:<22}{:>11}{:>12}{:>8}{:>13}\n", "loop", "gain", "phase", "Ms", "bandwidth");
-            found.text += &(table("now", &margins(&plants, &now)) + &table("tuned", &margins(&plants, &new)));
+            found.text += &format!(
+                "  {:<22}{:>11}{:>12}{:>8}{:>13}\n",
+                "loop", "gain", "phase", "Ms", "bandwidth"
+            );
+            found.text +=
+                &(table("now", &margins(&plants, &now)) + &table("tuned", &margins(&plants, &new)));
         }
     }
     // A record has a sweep, too, if one was made while it was written.
     let sweep = match (&mut turned, found.loops[1].filter(|_| args.wants_to_apply())) {
         (Some(turned), Some(new)) => {
-            let [steps, sweep] = tried(turned, label, [&now, &new]).with_context(|| label.to_owned())?;
+            let [steps, sweep] =
+                tried(turned, label, [&now, &new]).with_context(|| label.to_owned())?;
             found.steps[1] = steps;
             sweep
         }
@@ -374,26 +391,35 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         (None, _) => samples,
     };
     found.points = response(&sweep);
-    if let (Some(it), [first, .., last]) = (margins_measured(&found.points, &now), found.points.as_slice()) {
+    if let (Some(it), [first, .., last]) =
+        (margins_measured(&found.points, &now), found.points.as_slice())
+    {
         write!(found.text, "\nMeasured at {:.1} to {:.0} Hz; - lies beyond\n", first.hz, last.hz)?;
         found.text += &table("now", &it);
         if let Some(it) = found.loops[1].and_then(|new| margins_measured(&found.points, &new)) {
             found.text += &table("tuned", &it);
         }
     }
-    if let Some(new) = &found.loops[1] {
-        write!(found.text, "\nFor the table, in the motor's Cascade {{ .. }}:\n{}", lines(new))?;
-    }
     if let Some(turned) = turned.filter(|_| args.wants_to_apply()) {
         if args.keep {
             turned.session.carry_out(Action::Save)?;
         }
-        let how_long = if args.keep { "kept over a power-off" } else { "until power-off; rc10 save keeps them" };
-        write!(found.text, "\nThe new gains are set, {how_long}.\n")?;
+        found.text += match args.keep {
+            true => "\nThe new gains are set, kept over a power-off.\n",
+            false => "\nThe new gains are set, until power-off; rc10 save keeps them.\n",
+        };
+    }
+    if let Some(new) = &found.loops[1] {
+        found.text += "\nFor the table, in the motor's cascade:\n";
+        found.code = lines(new);
     }
     let page = page_name(label);
+    // The page has a table of languages, too.
     make_folder(&args.out)?;
     write_file(&args.out, &page, page_of(label, &found).as_bytes())?;
-    writeln!(out, "{}\nBode plot and steps: {}", found.text, args.out.join(page).display())?;
+    let Tuning { text, code, .. } = found;
+    let place = format!("Bode plot and steps: {}", args.out.join(page).display());
+    let [text, place] = [text, place].map(|it| Language::spoken().say(&it));
+    writeln!(out, "{text}{code}\n{place}")?;
     Ok(())
 }

@@ -432,7 +432,8 @@ impl<'s> Samples<'s> {
         let side = |at: usize| {
             let drag = best[FRICTION] + best[VISCOUS] * self.speeds[at].abs();
             let weights = self.weights(self.all[at].angle);
-            let weight = weights.iter().zip(&best[WEIGHT..]).map(|(a, b)| a * b).sum::<f64>() * sign;
+            let weight =
+                weights.iter().zip(&best[WEIGHT..]).map(|(a, b)| a * b).sum::<f64>() * sign;
             let accelerates = self.given[at] * sign - drag - weight;
             let torques = inertia.map(|it| it * accelerates);
             let least = torques[0].min(torques[1]) + friction[0] * drag + weight;
@@ -474,6 +475,11 @@ impl<'s> Samples<'s> {
         let whole = sums.iter().fold(Sums::ZERO, |all, it| all.plus(1.0, it));
         Fit { delay, stretches: sums, whole, rows, plain: None }
     }
+}
+
+fn turns_both_ways(windows: &[Window]) -> bool {
+    let ways = windows.iter().filter(|it| it.row[FRICTION] > 0.0).count();
+    10 * ways.min(windows.len() - ways) > windows.len()
 }
 
 /// A fit about a delay.
@@ -560,7 +566,8 @@ impl Estimate {
             let best = fit.whole.solve();
             let mut pressed = samples.windows(behind, None);
             pressed.retain(|it| samples.is_pressed(it, &best));
-            if pressed.len() as f64 * STEP >= STRETCH * STRETCHES[1] as f64 {
+            let is_long = pressed.len() as f64 * STEP >= STRETCH * STRETCHES[1] as f64;
+            if is_long && turns_both_ways(&pressed) == turns_both_ways(&windows) {
                 let pressed = samples.fit(&pressed, fit.delay);
                 fit = if pressed.delay().half < fit.delay().half { pressed } else { fit };
             }
@@ -575,9 +582,8 @@ impl Estimate {
             (fit.rows.iter().map(|it| of(it).powi(2)).sum::<f64>() / bumps).sqrt()
         };
         let effort = root(&|it| it.1);
-        let ways =
-            |way: f64| fit.rows.iter().filter(|it| it.0[FRICTION] * way > 0.0).count() as f64;
-        let is_both = ways(1.0).min(ways(-1.0)) > 0.1 * count;
+        let ways = fit.rows.iter().filter(|it| it.0[FRICTION] > 0.0).count() as f64;
+        let is_both = ways.min(count - ways) > 0.1 * count;
         let speeds = || fit.rows.iter().map(|(row, _)| (row[VISCOUS] / row[WEIGHT]).abs());
         let (slowest, fastest) =
             (speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max));

@@ -6,17 +6,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, anyhow, bail};
-use rc10_link::Action;
+use rc10_link::{Action, RIDES};
 use rc10_motor::{DriveMode, TargetKind};
 use rc10_time::Micros;
 
 use super::estimate::Sample;
 use super::response::frequencies;
 use crate::live::client::Answer;
-use crate::live::plan::{FIRST, Topic, plan, watch};
+use crate::live::plan::Line;
 use crate::live::session::{Session, stop};
 use crate::record::fields::Named as _;
-use crate::record::topic;
 use crate::recording::look::MotorLook;
 use crate::recording::sample::is_angle;
 
@@ -127,7 +126,7 @@ pub(super) struct Waves {
 }
 
 /// Mean share of the fastest, and how much a wave is more or less: a motor that turns twice as fast as asked is stopped.
-const WAVE: [f64; 2] = [0.7, 0.2];
+const WAVE: [f64; 2] = [0.7, 0.15];
 /// Time until it turns evenly, s; and a wave's periods, and its shortest time, s.
 const SETTLES: f64 = 0.4;
 const PERIODS: f64 = 6.0;
@@ -175,7 +174,8 @@ pub(super) struct Turned<'s, 'r> {
     /// The robot.
     pub session: &'s mut Session<'r>,
     motor: u8,
-    topics: Vec<Topic>,
+    /// Its signals that are watched, by their numbers.
+    signals: BTreeMap<u16, String>,
     travel: f64,
     fastest: f64,
     direction: f64,
@@ -186,16 +186,25 @@ pub(super) struct Turned<'s, 'r> {
 
 impl<'s, 'r> Turned<'s, 'r> {
     /// A motor that may turn by so many degrees either way, and at a speed in rpm. Fails if the robot has none that is called so.
-    pub fn new(session: &'s mut Session<'r>, label: &str, [travel, fastest]: [f64; 2]) -> Result<Self> {
+    pub fn new(
+        session: &'s mut Session<'r>,
+        label: &str,
+        [travel, fastest]: [f64; 2],
+    ) -> Result<Self> {
         let ended = stop()?;
         let motor = session.client.motor(label).context("the robot has no such motor")?;
-        let (mut topics, _) = plan(&session.client);
-        topics.retain(|it| it.name == topic("motors", label));
-        topics.iter_mut().for_each(|it| it.group = FIRST);
-        watch(&mut session.client, &topics, 1);
+        let own =
+            session.client.signals().filter(|(_, it)| it.folder == "motors" && it.label == label);
+        let own = own.filter(|(_, it)| SIGNALS.contains(&it.name.as_str()));
+        let signals: BTreeMap<u16, String> = own.map(|(at, it)| (at, it.name.clone())).collect();
+        // As often as the line carries them, each in the tick in which it is: what is late comes between two ticks.
+        let line = Line::new(session.baud(), &[]);
+        let period = (1..=RIDES).find(|it| line.beside(signals.len(), *it).is_some());
+        session.client.set_line(line.bytes);
+        session.client.watch(CHOSEN, period.unwrap_or(RIDES), signals.keys().copied());
         // Where there is little room, it turns so slowly that it can turn round in time.
         let fastest = fastest.min(travel / (8.0 * REACTS));
-        Ok(Self { session, motor, topics, travel, fastest, direction: 1.0, from: None, ended })
+        Ok(Self { session, motor, signals, travel, fastest, direction: 1.0, from: None, ended })
     }
 
     /// Its whole travel, in seconds at the fastest.
@@ -214,19 +223,17 @@ impl<'s, 'r> Turned<'s, 'r> {
     }
 
     fn run(&mut self, speeds: &mut impl Speeds, gathered: &mut Gathered) -> Result<()> {
-        let Self { session, motor, topics, travel, fastest, direction, from, ended } = self;
+        let Self { session, motor, signals, travel, fastest, direction, from, ended } = self;
         let (motor, travel, fastest) = (*motor, *travel, *fastest);
         let (mut sent, mut asked, mut start, mut speed) = (Micros::ZERO, None, None, 0.0_f64);
-        let begun = session.now();
+        let (begun, mut lately) = (session.now(), [0.0; LATELY]);
         loop {
             session.step()?;
-            let own = topics.first().map_or(&[][..], |it| &it.signals);
             for sample in session.client.take_samples() {
-                let values: BTreeMap<u16, f32> = sample.values.iter().copied().collect();
-                let named = own.iter().filter_map(|(index, signal)| {
-                    Some((signal.name.as_str(), f64::from(*values.get(index)?)))
+                let named = sample.values.iter().filter_map(|(index, value)| {
+                    Some((signals.get(index)?.as_str(), f64::from(*value)))
                 });
-                if sample.group == FIRST {
+                if sample.group == CHOSEN {
                     gathered.take(sample.at.get() as f64 * 1e-6, named);
                 }
             }
@@ -257,8 +264,12 @@ impl<'s, 'r> Turned<'s, 'r> {
             speed = *direction * fastest * share;
             if session.now().since(sent) >= CADENCE {
                 sent = session.now();
-                // One that turns twice as fast as is asked for counts as one that runs away.
-                let size = speed.abs().max(CALM * now.speed.abs()).min(fastest);
+                // One that turns twice as fast as is asked for counts as one that runs away; and it turns as fast as was asked
+                // for lately, though that is not told yet.
+                let most = lately.iter().copied().fold(now.speed.abs(), f64::max);
+                let size = speed.abs().max(CALM * most).min(fastest);
+                lately.rotate_right(1);
+                lately[0] = size;
                 let jog = Action::Jog(motor, (10.0 * size.copysign(speed)) as i16);
                 asked = Some(session.client.act(jog));
             }
@@ -266,9 +277,13 @@ impl<'s, 'r> Turned<'s, 'r> {
     }
 }
 
+/// What is gathered of a motor, and the group of signals that a line carries whole.
+const SIGNALS: [&str; 6] = ["drive", "target_kind", "target", "effort", "speed", "total_angle"];
+const CHOSEN: usize = 0;
 /// From one jog to the next: it ends 80 ms after the last.
 const CADENCE: Micros = Micros::from_millis(4);
-/// Share of its speed that a motor is asked for at least.
+/// Share of its speed that a motor is asked for at least, and how many of the last jogs count as its speed.
 const CALM: f64 = 0.65;
+const LATELY: usize = 5;
 /// Time without a word of the motor after which there is no experiment.
 const SILENT: Micros = Micros::from_millis(2000);

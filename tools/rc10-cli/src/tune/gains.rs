@@ -86,7 +86,7 @@ pub struct Margins {
 
 impl Margins {
     /// Within these frequencies, rad/s.
-    fn of([lowest, highest]: [f64; 2], response: impl Fn(f64) -> Complex) -> Self {
+    pub(super) fn of([lowest, highest]: [f64; 2], response: impl Fn(f64) -> Complex) -> Self {
         let mut margins =
             Self { gain: f64::INFINITY, phase: 180.0, sensitivity: 1.0, bandwidth: 0.0 };
         let mut last: Option<Complex> = None;

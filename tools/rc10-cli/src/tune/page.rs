@@ -66,6 +66,7 @@ pub(super) fn page_of(label: &str, found: &Tuning) -> String {
     let data = json!({
         "label": label,
         "text": found.text,
+        "code": found.code,
         "curves": curves.flatten().collect::<Vec<_>>(),
         "steps": stepped.filter_map(|(name, samples)| steps(name, samples)).collect::<Vec<_>>(),
     });

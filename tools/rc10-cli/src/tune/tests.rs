@@ -8,7 +8,7 @@ use rc10_motor::dji::M3508;
 
 use super::estimate::{Estimate, Sample, Told, Unknown};
 use super::experiment::{Speeds as _, Waves};
-use super::gains::{Complex, LEAST_PHASE, MOST_SENSITIVE, Plant as Loop, margins, tuned};
+use super::gains::{Complex, LEAST_PHASE, MOST_SENSITIVE, Margins, Plant as Loop, margins, tuned};
 use super::response::{frequencies, margins_measured, response};
 
 /// splitmix64.
@@ -195,7 +195,13 @@ impl Plant {
                 let sine = self.sine[0] * (TAU * self.sine[1] * at).sin();
                 let effort = ((effort + sine).clamp(-limit, limit) / lsb).round() * lsb;
                 due.push_back((step + (way / STEP).round() as usize, effort));
-                samples.push(Sample { at, effort, angle: told * self.sign, speed: fast * self.sign, reference: asked });
+                samples.push(Sample {
+                    at,
+                    effort,
+                    angle: told * self.sign,
+                    speed: fast * self.sign,
+                    reference: asked,
+                });
                 let [size, time] = self.noise;
                 noise += -noise / time * 1e-3 + size * (2e-3 / time).sqrt() * random.normal();
             }
@@ -440,7 +446,7 @@ fn a_thousand_random_plants() {
     let scores = score(1000, 30.0);
     assert_scores(
         &scores,
-        [(990, 930), (990, 930), (950, 930), (990, 930), (990, 930), (890, 930)],
+        [(990, 930), (990, 930), (950, 930), (990, 930), (990, 930), (870, 930)],
     );
 }
 
@@ -510,8 +516,8 @@ fn a_short_travel_has_fewer_waves() {
     let count = |whole: f64| {
         let (mut waves, mut changes, mut last, mut at) = (Waves::sweep(whole), 0, 0.0, 0.0);
         while let Some(share) = waves.next(at, whole) {
-            assert!((0.45..=0.95).contains(&share), "{share}");
-            changes += u32::from(share != last);
+            assert!((0.5..=0.9).contains(&share), "{share}");
+            changes += u32::from((share - last).abs() > 1e-9);
             (last, at) = (share, at + 1e-3);
             assert!(at < 60.0);
         }
@@ -520,4 +526,68 @@ fn a_short_travel_has_fewer_waves() {
     assert_eq!(count(0.5), (false, 0.0));
     let (all, short) = (count(10.0), count(1.5));
     assert!(all.0 && short.0 && all.1 > short.1 + 5.0, "{all:?} {short:?}");
+}
+
+/// Area between a speed and its target after a step of the load, by a controller's effort for a measured speed: rpm s for an
+/// acceleration of 1,000 rpm/s.
+fn area(mut effort: impl FnMut(f64) -> f64) -> f64 {
+    // The delay of the plant below, and the tick in which a speed is measured.
+    let (mut speed, mut due, mut sum) = (0.0_f64, VecDeque::from(vec![0.0; 3]), 0.0);
+    for _ in 0..2000 {
+        due.push_back(effort(speed));
+        speed += due.pop_front().unwrap_or_default() + 1.0;
+        sum += speed.abs() * 1e-3;
+    }
+    sum
+}
+
+/// Linear active disturbance rejection (LADRC) of the first order, with an observer of the speed and of what disturbs it, beside
+/// the cascade's PI: each as good against a step of the load as it can be within the same margins, for an
+/// inertia that is known to 25 %. By its algebra it is a PI with a lag, which takes phase and gives nothing back.
+#[test]
+fn active_disturbance_rejection_is_no_better_than_the_tuned_loop() {
+    let plants =
+        [0.8, 1.0, 1.25].map(|inertia| Loop { inertia: 1e-3 * inertia, viscous: 0.0, delay: 2e-3 });
+    let keeps = |controller: &dyn Fn(f64) -> Complex| {
+        plants.iter().all(|it| {
+            let whole = |w: f64| controller(w).times(it.response(w));
+            Margins::of([0.0, f64::INFINITY], whole).are_kept()
+        })
+    };
+    let grid =
+        |low: f64, high: f64| (0..40).map(move |at| low * (high / low).powf(at as f64 / 39.0));
+    let mut best = [f64::INFINITY; 2];
+    for gain in grid(0.01, 0.2) {
+        for integral in grid(0.05, 5.0) {
+            if keeps(&|w| Complex(gain, -integral / w)) {
+                let mut sum = 0.0;
+                best[0] = best[0].min(area(|speed| {
+                    sum -= 1e-3 * integral * speed;
+                    sum - gain * speed
+                }));
+            }
+        }
+    }
+    for closed in grid(2.0, 200.0) {
+        for observer in grid(5.0, 2000.0) {
+            let [square, lag] = [observer * observer, 2.0 * observer + closed];
+            // The effort for a speed, by inertia 1e-3: what the observer and its controller come to.
+            let of = |w: f64| {
+                let above = Complex(square * closed, w * (square + 2.0 * observer * closed));
+                above.over(Complex(-w * w, w * lag)).times(Complex(1e-3, 0.0))
+            };
+            if keeps(&of) {
+                let (mut seen, mut disturbs, mut effort) = (0.0, 0.0, 0.0);
+                best[1] = best[1].min(area(|speed| {
+                    let error = speed - seen;
+                    seen += 1e-3 * (disturbs + 1e3 * effort + 2.0 * observer * error);
+                    disturbs += 1e-3 * square * error;
+                    effort = -1e-3 * (closed * seen + disturbs);
+                    effort
+                }));
+            }
+        }
+    }
+    println!("area after a step of the load: PI {:.4}, LADRC {:.4} rpm s", best[0], best[1]);
+    assert!(best[1].is_finite() && best[0] < best[1], "{best:?}");
 }
