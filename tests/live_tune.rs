@@ -91,7 +91,9 @@ impl Page {
 
     fn serve(folder: &Scratch, port: u16, source: &[&str]) -> (Started, u16) {
         let port = port.to_string();
-        live(rc10().args(["live", "--page", &port, "--out"]).arg(&**folder).args(source))
+        let mut command = rc10();
+        let command = command.args(["live", "--page", &port, "--out"]).arg(&**folder);
+        live(command.args(source).current_dir(&**folder))
     }
 
     fn number(&self, script: &str) -> f64 {
@@ -426,6 +428,27 @@ fn the_figures_of_steps_are_right_and_five_lie_over_one_another() {
     assert!(number("rise") > 0.0 && number("rise") < 1.0);
     // Denser than the 10 ms of always.
     assert!(number("times.length") / number("times.at(-1)") > 300.0);
+}
+
+#[test]
+fn what_rc10_tune_has_found_is_in_the_panel_of_its_motor() {
+    let Some(page) = Page::open("tune-found", RESTS) else { return };
+    page.tune("wheel front left");
+    assert_eq!(page.browser.look("return $('found').hidden"), json!(true));
+    // In the folder of the page, from a shell.
+    let motor = ["tune", "wheel-front-left", "--travel", "360", "--seconds", "8"];
+    let on_blocks = ["--sim", "--mistake", "mass:x0.01"];
+    let tuned = rc10().args(motor).args(on_blocks).current_dir(&*page.folder).output().unwrap();
+    assert!(tuned.status.success(), "{}", String::from_utf8_lossy(&tuned.stderr));
+    page.browser.until("return !$('found').hidden");
+    assert!(page.text("#found-text").contains("speed, tuned"), "{}", page.text("#found-text"));
+    assert_eq!(page.text("#bode-names"), "nownow, measuredtunedtuned, measured");
+    let inks = "const it = $('bode'), all = it.getContext('2d').getImageData(0, 0, it.width, it.height).data; \
+         let inked = 0; for (let k = 3; k < all.length; k += 4) inked += all[k] > 200; return inked";
+    assert!(page.number(&format!("(() => {{ {inks} }})()")) > 2000.0);
+    // Of another motor nothing is found.
+    page.tune("wheel rear right");
+    page.browser.until("return $('found').hidden");
 }
 
 /// Steps that the script makes while the robot is armed serve as well; and small things of the tables.

@@ -263,6 +263,9 @@ pub(super) struct Tuning {
     pub steps: [Vec<Sample>; 2],
 }
 
+/// How often the gains before are set again.
+const TRIES: usize = 5;
+
 /// Turns a motor with its new gains: a swept sine, and steps. Puts the old ones back if that fails, or the margins that it
 /// measures are below what is promised.
 fn tried(
@@ -281,7 +284,10 @@ fn tried(
         Ok([steps, sweep])
     })();
     outcome.or_else(|why: anyhow::Error| {
-        turned.session.set(&parameters(label, now)).context("THE NEW GAINS ARE STILL SET")?;
+        let gains = parameters(label, now);
+        // A robot that is busy refuses once.
+        let mut tries = (0..TRIES).map(|_| turned.session.set(&gains));
+        ensure!(tries.any(|it| it.is_ok()), "THE NEW GAINS ARE STILL SET: {why:#}");
         Err(why.context("the gains before are set again"))
     })
 }

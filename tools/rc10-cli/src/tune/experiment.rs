@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use rc10_link::{Action, RIDES};
 use rc10_motor::{DriveMode, TargetKind};
 use rc10_time::Micros;
@@ -225,7 +225,8 @@ impl<'s, 'r> Turned<'s, 'r> {
     fn run(&mut self, speeds: &mut impl Speeds, gathered: &mut Gathered) -> Result<()> {
         let Self { session, motor, signals, travel, fastest, direction, from, ended } = self;
         let (motor, travel, fastest) = (*motor, *travel, *fastest);
-        let (mut sent, mut asked, mut start, mut speed) = (Micros::ZERO, None, None, 0.0_f64);
+        let (mut sent, mut asked, mut start, mut speed) = (Micros::ZERO, Vec::new(), None, 0.0_f64);
+        let mut refused = None;
         let (begun, mut lately) = (session.now(), [0.0; LATELY]);
         loop {
             session.step()?;
@@ -245,8 +246,23 @@ impl<'s, 'r> Turned<'s, 'r> {
                 continue;
             };
             let (first, from) = (*start.get_or_insert(now.at), *from.get_or_insert(now.angle));
-            if let Some(Answer::Refused(why)) = asked.and_then(|id| session.client.answer(id)) {
-                return Err(anyhow!("refused: {why}"));
+            // A busy PC may be late with some; but none at all is heeded when it is refused for good.
+            asked.retain(|id| match session.client.answer(*id) {
+                Some(Answer::Refused(why)) => {
+                    refused.get_or_insert((session.now(), why));
+                    false
+                }
+                Some(_) => {
+                    refused = None;
+                    false
+                }
+                None => true,
+            });
+            // What was lost on the line is never answered.
+            asked.drain(..asked.len().saturating_sub(ANSWERED));
+            if let Some((_, why)) = refused.as_ref().filter(|it| session.now().since(it.0) > HEEDED)
+            {
+                bail!("refused: {why}");
             }
             let gone = now.angle - from;
             if gone.abs() > travel {
@@ -271,7 +287,7 @@ impl<'s, 'r> Turned<'s, 'r> {
                 lately.rotate_right(1);
                 lately[0] = size;
                 let jog = Action::Jog(motor, (10.0 * size.copysign(speed)) as i16);
-                asked = Some(session.client.act(jog));
+                asked.push(session.client.act(jog));
             }
         }
     }
@@ -285,5 +301,9 @@ const CADENCE: Micros = Micros::from_millis(4);
 /// Share of its speed that a motor is asked for at least, and how many of the last jogs count as its speed.
 const CALM: f64 = 0.65;
 const LATELY: usize = 5;
+/// The most jogs that wait for their answers.
+const ANSWERED: usize = 50;
+/// How long jogs may be refused.
+const HEEDED: Micros = Micros::from_millis(300);
 /// Time without a word of the motor after which there is no experiment.
 const SILENT: Micros = Micros::from_millis(2000);

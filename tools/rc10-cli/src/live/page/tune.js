@@ -21,13 +21,17 @@ function closeTune() {
 }
 $('untune').onclick = closeTune;
 
-// The page that rc10 tune has made of the motor, in a shell; looked for again while its panel is open.
+// What rc10 tune has found of the motor, in a shell; looked for again while the panel is open.
 async function lookTuned() {
-  const label = tuned, frame = $('tuned-page'), its = state.signals.find((it) => it.folder === 'motors' && it.label === label);
+  const label = tuned, its = state.signals.find((it) => it.folder === 'motors' && it.label === label);
   const answer = its && await fetch('tuned?' + its.index).catch(() => null), page = answer && answer.ok ? await answer.text() : '';
   if (tuned !== label) return;
-  frame.hidden = !page;
-  if (frame.srcdoc !== page) frame.srcdoc = page;
+  $('found').hidden = !page;
+  if (page) {
+    const data = JSON.parse(new DOMParser().parseFromString(page, 'text/html').getElementById('data').textContent);
+    Bode.draw($('bode'), $('bode-names'), data.curves);
+    $('found-text').textContent = data.text.split('\n').map((line) => Lang.tr(line)).join('\n') + data.code;
+  }
   setTimeout(() => tuned === label && lookTuned(), 3000);
 }
 
