@@ -57,6 +57,19 @@ impl Drop for Unfinished {
     }
 }
 
+/// Folder for reports and pages, unless told otherwise.
+pub(crate) const PAGES: &str = "target/rc10-report";
+
+/// What `rc10 tune` has written of a motor, if it has.
+pub(crate) fn tuned_page(label: &str) -> Option<String> {
+    fs::read_to_string(Path::new(PAGES).join(page_name(label))).ok()
+}
+
+/// Name of the page of a motor.
+pub(crate) fn page_name(label: &str) -> String {
+    format!("tune-{}.html", label.replace(' ', "-"))
+}
+
 /// Writes a whole file or nothing.
 pub(crate) fn write_file(folder: &Path, name: &str, content: &[u8]) -> Result<()> {
     let path = folder.join(name);

@@ -22,8 +22,8 @@ use super::connection::Reply;
 use super::hands::Hands;
 use super::history::{History, thin};
 use super::request::{Door, Plots, Request};
+use crate::files::tuned_page;
 use crate::lang;
-use crate::tune::command::tuned_page;
 
 /// A request of a page.
 #[derive(Clone, Debug, PartialEq)]

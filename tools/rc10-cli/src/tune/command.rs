@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{Read, Seek, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use clap::Args;
@@ -14,10 +14,10 @@ use rc10_time::Micros;
 use super::estimate::{Estimate, Figure, Sample, Told, Unknown};
 use super::experiment::{Gathered, Jumps, Turned, Waves};
 use super::gains::{LEAST_PHASE, MOST_SENSITIVE, Margins, Plant, margins, tuned};
-use super::page::page_of;
-use super::response::{Point, margins_measured, response};
+use super::page::{Tuning, page_of};
+use super::response::{margins_measured, response};
 use crate::args::seconds;
-use crate::files::{make_folder, open, write_file};
+use crate::files::{PAGES, make_folder, open, page_name, write_file};
 use crate::lang::Language;
 use crate::live::session::Session;
 use crate::live::source::SourceArgs;
@@ -28,18 +28,6 @@ use crate::record::topic;
 use crate::recording::margin::LEAST;
 use crate::terminal::tell;
 use crate::world::robot::Robot;
-
-/// Folder for pages, unless told otherwise.
-const FOLDER: &str = "target/rc10-report";
-
-/// The page of a motor, where the command has put it.
-pub(crate) fn tuned_page(label: &str) -> Option<String> {
-    std::fs::read_to_string(Path::new(FOLDER).join(page_name(label))).ok()
-}
-
-fn page_name(label: &str) -> String {
-    format!("tune-{}.html", label.replace(' ', "-"))
-}
 
 /// Arguments of `rc10 tune`.
 #[derive(Args, Debug)]
@@ -70,7 +58,7 @@ pub struct TuneArgs {
     #[arg(long, conflicts_with = "from")]
     pub keep: bool,
     /// Folder for the page with Bode plot and steps
-    #[arg(long, value_name = "DIR", default_value = FOLDER)]
+    #[arg(long, value_name = "DIR", default_value = PAGES)]
     pub out: PathBuf,
     #[command(flatten)]
     pub(crate) at: SourceArgs,
@@ -247,20 +235,6 @@ fn present(session: &Session<'_>, label: &str, table: &Cascade) -> Result<Cascad
     ];
     all.into_iter().zip(values).for_each(|(gain, value)| *gain = value);
     Ok(now)
-}
-
-/// What is known of a motor's loops in the end: what the page shows.
-pub(super) struct Tuning {
-    /// What is printed: the numbers, and lines of Rust.
-    pub text: String,
-    pub code: String,
-    /// The loops before, and with the new gains if there are some.
-    pub loops: [Option<Cascade>; 2],
-    /// The plant of the estimate, and what was measured.
-    pub plant: Option<Plant>,
-    pub points: Vec<Point>,
-    /// Steps before, and with the new gains.
-    pub steps: [Vec<Sample>; 2],
 }
 
 /// How often the gains before are set again.

@@ -5,11 +5,24 @@ use std::f64::consts::{PI, TAU};
 use rc10_motor::rc10_app::Cascade;
 use serde_json::{Value, json};
 
-use super::command::Tuning;
 use super::estimate::Sample;
 use super::gains::{Complex, Plant, speed_loop};
 use super::response::Point;
 use crate::lang;
+
+/// What is known of a motor's loops in the end: what the page shows.
+pub(super) struct Tuning {
+    /// What is printed: the numbers, and lines of Rust.
+    pub text: String,
+    pub code: String,
+    /// The loops before, and with the new gains if there are some.
+    pub loops: [Option<Cascade>; 2],
+    /// The plant of the estimate, and what was measured.
+    pub plant: Option<Plant>,
+    pub points: Vec<Point>,
+    /// Steps before, and with the new gains.
+    pub steps: [Vec<Sample>; 2],
+}
 
 /// Frequencies of a computed curve, Hz: from, ratio, and how many.
 const CURVE: (f64, f64, i32) = (1.0, 1.04, 118);
