@@ -173,9 +173,66 @@ fn what_goes_wrong_with_new_gains_puts_the_old_ones_back() {
     let late = ["--fault", "cut:1@35s..3600s"];
     let after = tune(&[&motor[..], &ON_BLOCKS, &late].concat()).unwrap_err();
     assert!(after.contains("the gains before are set again"), "{after}");
+    // Where too little of the new loop is measured.
+    let little = ["wheel-front-left", "--travel", "75", "--seconds", "8", "--apply"];
+    let little = tune(&[&little[..], &ON_BLOCKS].concat()).unwrap_err();
+    assert!(little.contains("set again: the sweep tells too little"), "{little}");
     // On the floor it is no stiff body: no gains, so none are set.
     let none = tune(&[&motor[..], &["--sim"]].concat()).unwrap_err();
     assert!(none.contains("No gains are set"), "{none}");
+}
+
+#[test]
+fn a_motor_that_gets_nowhere_is_let_go() {
+    let motor = ["wheel-front-left", "--travel", "96", "--sim"];
+    for wrong in [
+        ["--mistake", "friction:wheel-front-left=x100"],
+        // What it tells stands still, and the shaft turns on.
+        ["--fault", "frozen:wheel-front-left@3s..3600s"],
+    ] {
+        let error = tune(&[&motor[..], &wrong].concat()).unwrap_err();
+        assert!(error.contains("did not get there: is it blocked?"), "{error}");
+    }
+}
+
+#[test]
+fn gains_are_kept_when_the_motor_rests() {
+    let motor = ["wheel-front-left", "--travel", "720", "--seconds", "8", "--keep"];
+    let text = tune(&[&motor[..], &ON_BLOCKS].concat()).unwrap();
+    assert!(text.contains("The new gains are set, kept over a power-off"), "{text}");
+}
+
+/// Ctrl-C while a robot is turned with its new gains: it has those before again, as another shell sees.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_no_new_gains() {
+    let folder = Scratch::new("tune-ctrl-c");
+    let rc10 = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+        command.args(arguments).env("XDG_RUNTIME_DIR", &*folder).current_dir(&*folder);
+        command
+    };
+    let simulated = ["live", "--page", "0", "--sim", "--mistake", "mass:x0.01"];
+    let rests = ["--fault", "remote-lost@0s..3600s"];
+    let (_live, _) = start(&mut rc10(&[&simulated[..], &rests].concat()), "http://");
+    let gain = || {
+        let output = rc10(&["get", "wheel_front_left.speed_kp", "--port", "sim"]).output().unwrap();
+        String::from_utf8(output.stdout).unwrap().trim().to_owned()
+    };
+    until("the gain of the table", || gain() == "0.4");
+    let motor = ["tune", "wheel-front-left", "--travel", "720", "--seconds", "5", "--apply"];
+    let begin = || rc10(&[&motor[..], &["--port", "sim"]].concat()).spawn().unwrap();
+    let mut tune = begin();
+    until("a new gain", || {
+        // On a busy machine its jogs may come too late.
+        if tune.try_wait().unwrap().is_some_and(|it| !it.success()) {
+            tune = begin();
+        }
+        gain() != "0.4"
+    });
+    let _ = Command::new("kill").args(["-INT", &tune.id().to_string()]).status();
+    assert!(!tune.wait().unwrap().success());
+    assert_eq!(gain(), "0.4");
 }
 
 /// Proportional and integral gains of a motor's speed and angle.

@@ -67,7 +67,8 @@ pub(crate) fn tuned_page(label: &str) -> Option<String> {
 
 /// Name of the page of a motor.
 pub(crate) fn page_name(label: &str) -> String {
-    format!("tune-{}.html", label.replace(' ', "-"))
+    let is_plain = |letter: char| letter.is_alphanumeric() || letter == '_';
+    format!("tune-{}.html", label.replace(|letter| !is_plain(letter), "-"))
 }
 
 /// Writes a whole file or nothing.

@@ -15,7 +15,7 @@ use super::estimate::{Estimate, Figure, Sample, Told, Unknown};
 use super::experiment::{Gathered, Jumps, Turned, Waves};
 use super::gains::{LEAST_PHASE, MOST_SENSITIVE, Margins, Plant, margins, tuned};
 use super::page::{Tuning, page_of};
-use super::response::{margins_measured, response};
+use super::response::{Point, margins_measured, response};
 use crate::args::seconds;
 use crate::files::{PAGES, make_folder, open, page_name, write_file};
 use crate::lang::Language;
@@ -237,8 +237,31 @@ fn present(session: &Session<'_>, label: &str, table: &Cascade) -> Result<Cascad
     Ok(now)
 }
 
-/// How often the gains before are set again.
+/// How often a robot that is busy is asked.
 const TRIES: usize = 5;
+
+/// Whether a sweep tells of the gains that it was made with that they are as good as promised, but for what a measurement is
+/// wrong by.
+fn is_good(points: &[Point], cascade: &Cascade) -> Result<()> {
+    let whole = margins_measured(points, cascade);
+    // Where a loop oscillates, no sine of that frequency is seen.
+    let has_gap = points.windows(2).any(|pair| pair[1].hz > 2.0 * pair[0].hz);
+    let reaches = |it: &Margins| {
+        it.bandwidth > 0.0 && points.last().is_some_and(|last| last.hz > 1.5 * it.bandwidth)
+    };
+    let Some([speed, angle]) = whole.filter(|it| reaches(&it[0]) && !has_gap) else {
+        bail!("the sweep tells too little: allow more travel");
+    };
+    for it in [speed, angle] {
+        let is_kept = it.gain > 0.8 * LEAST && it.phase > LEAST_PHASE - 5.0;
+        ensure!(
+            is_kept && it.sensitivity < 1.1 * MOST_SENSITIVE,
+            "a sweep measures too little margin:\n{}",
+            table("tuned", &[speed, angle])
+        );
+    }
+    Ok(())
+}
 
 /// Turns a motor with its new gains: a swept sine, and steps. Puts the old ones back if that fails, or the margins that it
 /// measures are below what is promised.
@@ -247,24 +270,39 @@ fn tried(
     label: &str,
     [now, new]: [&Cascade; 2],
 ) -> Result<[Vec<Sample>; 2]> {
-    turned.session.set(&parameters(label, new))?;
     let whole = turned.whole();
     let outcome = (|| {
+        turned.session.set(&parameters(label, new))?;
         let steps = turned.turn(&mut Waves::steps(whole))?;
         let sweep = turned.turn(&mut Waves::sweep(whole))?;
-        for it in margins_measured(&response(&sweep), new).into_iter().flatten() {
-            ensure!(it.are_kept(), "a sweep measures too little margin: {it:?}");
-        }
+        is_good(&response(&sweep), new)?;
         Ok([steps, sweep])
     })();
     outcome.or_else(|why: anyhow::Error| {
         let gains = parameters(label, now);
-        // A robot that is busy refuses once.
         let mut tries = (0..TRIES).map(|_| turned.session.set(&gains));
         ensure!(tries.any(|it| it.is_ok()), "THE NEW GAINS ARE STILL SET: {why:#}");
         Err(why.context("the gains before are set again"))
     })
 }
+
+/// Keeps what is set, as soon as the motor rests.
+fn kept(session: &mut Session<'_>) -> Result<()> {
+    let begun = session.now();
+    loop {
+        match session.carry_out(Action::Save) {
+            Err(_) if session.now().since(begun) < COASTS => {
+                for _ in 0..TRIES {
+                    session.step()?;
+                }
+            }
+            outcome => return outcome.map(drop).context("the new gains are set, but not kept"),
+        }
+    }
+}
+
+/// How long a motor may coast before it rests.
+const COASTS: Micros = Micros::from_millis(5000);
 
 /// Turns a motor, or reads a record of it; estimates what it moves, and prints gains for that. Fails without such a motor or
 /// record, or if nothing can be told.
@@ -358,18 +396,22 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     }
     // A record has a sweep, too, if one was made while it was written.
     let sweep = match (&mut turned, found.loops[1].filter(|_| args.wants_to_apply())) {
-        (Some(turned), Some(new)) => {
-            let [steps, sweep] =
-                tried(turned, label, [&now, &new]).with_context(|| label.to_owned())?;
+        (Some(turned), Some(new)) => tried(turned, label, [&now, &new]).map(|[steps, sweep]| {
             found.steps[1] = steps;
             sweep
-        }
+        }),
         (Some(turned), None) => {
             let whole = turned.whole();
-            turned.turn(&mut Waves::sweep(whole)).with_context(|| label.to_owned())?
+            turned.turn(&mut Waves::sweep(whole))
         }
-        (None, _) => samples,
+        (None, _) => Ok(samples),
     };
+    // What was found is told all the same.
+    let mut failed = None;
+    let sweep = sweep.unwrap_or_else(|why| {
+        failed = Some(why.context(label.to_owned()));
+        Vec::new()
+    });
     found.points = response(&sweep);
     if let (Some(it), [first, .., last]) =
         (margins_measured(&found.points, &now), found.points.as_slice())
@@ -380,11 +422,9 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
             found.text += &table("tuned", &it);
         }
     }
-    if let Some(turned) = turned.filter(|_| args.wants_to_apply()) {
-        if args.keep {
-            turned.session.carry_out(Action::Save)?;
-        }
-        found.text += match args.keep {
+    if let Some(turned) = turned.filter(|_| args.wants_to_apply() && failed.is_none()) {
+        failed = if args.keep { kept(turned.session).err() } else { None };
+        found.text += match args.keep && failed.is_none() {
             true => "\nThe new gains are set, kept over a power-off.\n",
             false => "\nThe new gains are set, until power-off; rc10 save keeps them.\n",
         };
@@ -393,13 +433,13 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         found.text += "\nFor the table, in the motor's cascade:\n";
         found.code = lines(new);
     }
+    let say = |text: &str| Language::spoken().say(text);
+    writeln!(out, "{}{}", say(&found.text), found.code)?;
     let page = page_name(label);
-    // The page has a table of languages, too.
     make_folder(&args.out)?;
+    // The page has a table of languages, too.
     write_file(&args.out, &page, page_of(label, &found).as_bytes())?;
-    let Tuning { text, code, .. } = found;
-    let place = format!("Bode plot and steps: {}", args.out.join(page).display());
-    let [text, place] = [text, place].map(|it| Language::spoken().say(&it));
-    writeln!(out, "{text}{code}\n{place}")?;
-    Ok(())
+    let place = args.out.join(page);
+    writeln!(out, "{}", say(&format!("Bode plot and steps: {}", place.display())))?;
+    failed.map_or(Ok(()), Err)
 }

@@ -31,9 +31,12 @@ pub(super) struct Gathered {
 impl Gathered {
     /// Takes the numbers of a look, by their names; what is told again or of another start is no sample.
     pub fn take<'n>(&mut self, at: f64, numbers: impl Iterator<Item = (&'n str, f64)>) {
-        let mut look = MotorLook::NEW;
-        numbers.for_each(|(name, number)| look.put_named(name, number));
-        if self.last.is_some_and(|it| it.0 >= at) {
+        let (mut look, mut has_angle) = (MotorLook::NEW, false);
+        for (name, number) in numbers {
+            look.put_named(name, number);
+            has_angle |= name == "total_angle" && number.is_finite();
+        }
+        if !has_angle || self.last.is_some_and(|it| it.0 >= at) {
             return;
         }
         let is_driven = look.status.drive == DriveMode::Run;
@@ -222,12 +225,15 @@ impl<'s, 'r> Turned<'s, 'r> {
         Ok(gathered.samples)
     }
 
+    /// Turns it until the speeds end, and then slows it down.
     fn run(&mut self, speeds: &mut impl Speeds, gathered: &mut Gathered) -> Result<()> {
         let Self { session, motor, signals, travel, fastest, direction, from, ended } = self;
         let (motor, travel, fastest) = (*motor, *travel, *fastest);
         let (mut sent, mut asked, mut start, mut speed) = (Micros::ZERO, Vec::new(), None, 0.0_f64);
         let mut refused = None;
-        let (begun, mut lately) = (session.now(), [0.0; LATELY]);
+        let (mut lately, mut known, mut heard) = ([0.0; LATELY], 0, session.now());
+        // Until when it slows down; and the way that it was asked for in this direction, degrees.
+        let (mut rests, mut way) = (None, [0.0, 0.0]);
         loop {
             session.step()?;
             for sample in session.client.take_samples() {
@@ -238,13 +244,16 @@ impl<'s, 'r> Turned<'s, 'r> {
                     gathered.take(sample.at.get() as f64 * 1e-6, named);
                 }
             }
-            let Some(now) = gathered.samples.last() else {
-                if session.now().since(begun) > SILENT {
-                    let trouble = session.trouble();
-                    bail!("{}", trouble.unwrap_or_else(|| "it tells nothing of its motor".into()));
-                }
-                continue;
-            };
+            let count = gathered.samples.len();
+            if count > known {
+                (known, heard) = (count, session.now());
+            }
+            // What is not heard of must not turn on: a robot that was restarted, too, whose clock begins anew.
+            if session.now().since(heard) > if count == 0 { SILENT } else { STALE } {
+                let trouble = session.trouble();
+                bail!("{}", trouble.unwrap_or_else(|| "it tells nothing of its motor".into()));
+            }
+            let Some(now) = gathered.samples.last() else { continue };
             let (first, from) = (*start.get_or_insert(now.at), *from.get_or_insert(now.angle));
             // A busy PC may be late with some; but none at all is heeded when it is refused for good.
             asked.retain(|id| match session.client.answer(*id) {
@@ -272,12 +281,26 @@ impl<'s, 'r> Turned<'s, 'r> {
                 bail!("stopped");
             }
             let left = |direction: f64| travel - gone * direction - 6.0 * speed.abs() * REACTS;
-            if left(*direction) < 0.0 {
+            if left(*direction) < 0.0 && rests.is_none() {
                 *direction = -*direction;
+                way[0] = 0.0;
+            }
+            way = [way[0] + 6.0 * speed.abs() * (now.at - way[1]).clamp(0.0, 0.1), now.at];
+            if way[0] > 4.0 * travel + 90.0 {
+                bail!(
+                    "stopped: it was to turn by {:.0} degrees, and did not get there: is it blocked?",
+                    way[0]
+                );
             }
             let room = left(*direction) / (6.0 * fastest);
-            let Some(share) = speeds.next(now.at - first, room) else { return Ok(()) };
-            speed = *direction * fastest * share;
+            let share = if rests.is_some() { None } else { speeds.next(now.at - first, room) };
+            if share.is_none() {
+                let end = *rests.get_or_insert(now.at + RESTS);
+                if now.at > end || now.speed.abs() < SLOW * fastest {
+                    return Ok(());
+                }
+            }
+            speed = *direction * fastest * share.unwrap_or(0.0);
             if session.now().since(sent) >= CADENCE {
                 sent = session.now();
                 // One that turns twice as fast as is asked for counts as one that runs away; and it turns as fast as was asked
@@ -305,5 +328,9 @@ const LATELY: usize = 5;
 const ANSWERED: usize = 50;
 /// How long jogs may be refused.
 const HEEDED: Micros = Micros::from_millis(300);
-/// Time without a word of the motor after which there is no experiment.
+/// Time without a word of the motor after which there is no experiment, and after which one ends.
 const SILENT: Micros = Micros::from_millis(2000);
+const STALE: Micros = Micros::from_millis(250);
+/// Time in which it slows down at the end, s, and the share of the fastest at which it is let go.
+const RESTS: f64 = 1.0;
+const SLOW: f64 = 0.05;

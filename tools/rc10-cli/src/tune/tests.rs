@@ -568,7 +568,7 @@ fn active_disturbance_rejection_is_no_better_than_the_tuned_loop() {
             }
         }
     }
-    for closed in grid(2.0, 200.0) {
+    for closed in grid(2.0, 5000.0) {
         for observer in grid(5.0, 2000.0) {
             let [square, lag] = [observer * observer, 2.0 * observer + closed];
             // The effort for a speed, by inertia 1e-3: what the observer and its controller come to.

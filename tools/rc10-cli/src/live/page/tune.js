@@ -15,6 +15,7 @@ function openTune(label) {
 }
 function closeTune() {
   if (tuned === null) return;
+  clearTimeout(looks);
   borrowed.forEach((it) => chosen.delete(it));
   tuned = null; borrowed = []; $('gains').replaceChildren(); $('tune').hidden = true;
   tree(); watch();
@@ -22,6 +23,7 @@ function closeTune() {
 $('untune').onclick = closeTune;
 
 // What rc10 tune has found of the motor, in a shell; looked for again while the panel is open.
+let looks = 0;
 async function lookTuned() {
   const label = tuned, its = state.signals.find((it) => it.folder === 'motors' && it.label === label);
   const answer = its && await fetch('tuned?' + its.index).catch(() => null), page = answer && answer.ok ? await answer.text() : '';
@@ -32,7 +34,8 @@ async function lookTuned() {
     Bode.draw($('bode'), $('bode-names'), data.curves);
     $('found-text').textContent = data.text.split('\n').map((line) => Lang.tr(line)).join('\n') + data.code;
   }
-  setTimeout(() => tuned === label && lookTuned(), 3000);
+  clearTimeout(looks);
+  looks = setTimeout(lookTuned, 3000);
 }
 
 // Motors whose labels differ by their place alone, and that have the same gains in the table.
