@@ -202,16 +202,20 @@ fn gains_are_kept_when_the_motor_rests() {
     assert!(text.contains("The new gains are set, kept over a power-off"), "{text}");
 }
 
+/// A command in a folder, whose robots no other user sees.
+#[cfg(unix)]
+fn shell(folder: &Scratch, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    command.args(arguments).env("XDG_RUNTIME_DIR", &**folder).current_dir(&**folder);
+    command
+}
+
 /// Ctrl-C while a robot is turned with its new gains: it has those before again, as another shell sees.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_leaves_no_new_gains() {
     let folder = Scratch::new("tune-ctrl-c");
-    let rc10 = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        command.args(arguments).env("XDG_RUNTIME_DIR", &*folder).current_dir(&*folder);
-        command
-    };
+    let rc10 = |arguments: &[&str]| shell(&folder, arguments);
     let simulated = ["live", "--page", "0", "--sim", "--mistake", "mass:x0.01"];
     let rests = ["--fault", "remote-lost@0s..3600s"];
     let (_live, _) = start(&mut rc10(&[&simulated[..], &rests].concat()), "http://");
@@ -331,11 +335,7 @@ fn only_what_may_be_turned_is_turned_and_within_its_travel() {
 fn a_detuned_wheel_is_tuned_on_the_emulated_chip_through_its_link() {
     let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
     let folder = Scratch::new("tune-chip");
-    let rc10 = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        command.args(arguments).env("XDG_RUNTIME_DIR", &*folder).current_dir(&*folder);
-        command
-    };
+    let rc10 = |arguments: &[&str]| shell(&folder, arguments);
     let run = |arguments: &[&str]| {
         let output = rc10(arguments).output().unwrap();
         let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();

@@ -10,7 +10,7 @@ use clap::Args;
 
 use crate::decode::BusOfChannel;
 use crate::decode::heard::recorded;
-use crate::files::{Unfinished, is_record, make_folder, open};
+use crate::files::{PAGES, Unfinished, is_record, make_folder, open};
 use crate::record::file::{Channel, Item, label, walk};
 use crate::record::replay::{numbers, replay_of};
 use crate::recording::sample::seconds;
@@ -32,7 +32,7 @@ pub struct ReportArgs {
     #[arg(long = "bus", value_name = "CHANNEL=NUMBER")]
     pub buses: Vec<BusOfChannel>,
     /// Folder for report.html
-    #[arg(long, value_name = "DIR", default_value = "target/rc10-report")]
+    #[arg(long, value_name = "DIR", default_value = PAGES)]
     pub out: PathBuf,
     /// Print one JSON object instead of tables
     #[arg(long)]

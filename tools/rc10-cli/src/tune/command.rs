@@ -206,35 +206,30 @@ fn gains(loops: &Cascade, estimate: &Estimate, bandwidth: Option<f64>) -> Result
     Ok(new)
 }
 
-/// A motor's parameters, as the live link calls them, with its gains.
-fn parameters(label: &str, it: &Cascade) -> Vec<(String, f32)> {
+/// The gains of a motor's loops, under the full names of its parameters.
+fn parameters<'c>(label: &str, it: &'c mut Cascade) -> [(String, &'c mut f32); 6] {
     let gains = [
-        ("speed_kp", it.speed.kp),
-        ("speed_ki", it.speed.ki),
-        ("speed_kd", it.speed.kd),
-        ("angle_kp", it.angle.kp),
-        ("angle_ki", it.angle.ki),
-        ("angle_kd", it.angle.kd),
+        ("speed_kp", &mut it.speed.kp),
+        ("speed_ki", &mut it.speed.ki),
+        ("speed_kd", &mut it.speed.kd),
+        ("angle_kp", &mut it.angle.kp),
+        ("angle_ki", &mut it.angle.ki),
+        ("angle_kd", &mut it.angle.kd),
     ];
-    gains.map(|(name, gain)| (format!("{}.{name}", label.replace(' ', "_")), gain)).to_vec()
+    gains.map(|(name, gain)| (format!("{}.{name}", label.replace(' ', "_")), gain))
+}
+
+/// Sets a motor's gains in the robot.
+fn set(session: &mut Session<'_>, label: &str, mut to: Cascade) -> Result<()> {
+    session.set(&parameters(label, &mut to).map(|(name, gain)| (name, *gain)))
 }
 
 /// The cascade with the gains that the robot has now.
-fn present(session: &Session<'_>, label: &str, table: &Cascade) -> Result<Cascade> {
-    let mut now = *table;
-    let values = parameters(label, table).into_iter();
-    let values: Vec<f32> =
-        values.map(|(name, _)| Ok(session.parameter(&name)?.value)).collect::<Result<_>>()?;
-    let all = [
-        &mut now.speed.kp,
-        &mut now.speed.ki,
-        &mut now.speed.kd,
-        &mut now.angle.kp,
-        &mut now.angle.ki,
-        &mut now.angle.kd,
-    ];
-    all.into_iter().zip(values).for_each(|(gain, value)| *gain = value);
-    Ok(now)
+fn present(session: &Session<'_>, label: &str, mut table: Cascade) -> Result<Cascade> {
+    for (name, gain) in parameters(label, &mut table) {
+        *gain = session.parameter(&name)?.value;
+    }
+    Ok(table)
 }
 
 /// How often a robot that is busy is asked.
@@ -272,15 +267,14 @@ fn tried(
 ) -> Result<[Vec<Sample>; 2]> {
     let whole = turned.whole();
     let outcome = (|| {
-        turned.session.set(&parameters(label, new))?;
+        set(turned.session, label, *new)?;
         let steps = turned.turn(&mut Waves::steps(whole))?;
         let sweep = turned.turn(&mut Waves::sweep(whole))?;
         is_good(&response(&sweep), new)?;
         Ok([steps, sweep])
     })();
     outcome.or_else(|why: anyhow::Error| {
-        let gains = parameters(label, now);
-        let mut tries = (0..TRIES).map(|_| turned.session.set(&gains));
+        let mut tries = (0..TRIES).map(|_| set(turned.session, label, *now));
         ensure!(tries.any(|it| it.is_ok()), "THE NEW GAINS ARE STILL SET: {why:#}");
         Err(why.context("the gains before are set again"))
     })
@@ -330,12 +324,13 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         let travel = args.travel.context("--travel is missing")?;
         session = Some((Session::meet(args.at.open_disarmed(robot)?)?, [travel, fastest]));
     }
-    let mut turned = session.as_mut().map(|(session, wish)| Turned::new(session, label, *wish));
-    let mut turned = turned.take().transpose()?;
+    let turned = session.as_mut().map(|(session, wish)| Turned::new(session, label, *wish));
+    let mut turned = turned.transpose()?;
     let mut found = Tuning {
         text: String::new(),
         code: String::new(),
-        loops: [Some(loops.cascade), None],
+        now: loops.cascade,
+        new: None,
         plant: None,
         points: Vec::new(),
         steps: Default::default(),
@@ -343,7 +338,7 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     let (samples, named) = match (&mut turned, &args.from) {
         (Some(turned), _) => {
             let named = || label.to_owned();
-            found.loops[0] = Some(present(turned.session, label, &loops.cascade)?);
+            found.now = present(turned.session, label, loops.cascade)?;
             let whole = turned.whole();
             found.steps[0] = turned.turn(&mut Waves::steps(whole)).with_context(named)?;
             let seconds = args.seconds.get() as f64 * 1e-6;
@@ -369,7 +364,7 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     );
     found.text = heading + &estimates(&estimate, unit)?;
     found.plant = Plant::of(&estimate).ok();
-    let now = found.loops[0].unwrap_or(loops.cascade);
+    let now = found.now;
     match gains(&now, &estimate, args.bandwidth) {
         Err(why) => {
             if args.wants_to_apply() {
@@ -379,7 +374,7 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
             write!(found.text, "\nNo gains: they need inertia and delay. {why}\n")?;
         }
         Ok(new) => {
-            found.loops[1] = Some(new);
+            found.new = Some(new);
             let plants = Plant::all(&estimate).unwrap_or_default();
             write!(
                 found.text,
@@ -395,7 +390,7 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         }
     }
     // A record has a sweep, too, if one was made while it was written.
-    let sweep = match (&mut turned, found.loops[1].filter(|_| args.wants_to_apply())) {
+    let sweep = match (&mut turned, found.new.filter(|_| args.wants_to_apply())) {
         (Some(turned), Some(new)) => tried(turned, label, [&now, &new]).map(|[steps, sweep]| {
             found.steps[1] = steps;
             sweep
@@ -418,7 +413,7 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     {
         write!(found.text, "\nMeasured at {:.1} to {:.0} Hz; - lies beyond\n", first.hz, last.hz)?;
         found.text += &table("now", &it);
-        if let Some(it) = found.loops[1].and_then(|new| margins_measured(&found.points, &new)) {
+        if let Some(it) = found.new.and_then(|new| margins_measured(&found.points, &new)) {
             found.text += &table("tuned", &it);
         }
     }
@@ -429,7 +424,7 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
             false => "\nThe new gains are set, until power-off; rc10 save keeps them.\n",
         };
     }
-    if let Some(new) = &found.loops[1] {
+    if let Some(new) = &found.new {
         found.text += "\nFor the table, in the motor's cascade:\n";
         found.code = lines(new);
     }

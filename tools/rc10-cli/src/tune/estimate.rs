@@ -24,6 +24,13 @@ pub struct Sample {
     pub reference: f64,
 }
 
+impl Sample {
+    /// The speed that was asked for since the sample before, rpm.
+    pub fn asked_since(&self, before: &Self) -> f64 {
+        (self.reference - before.reference) / (self.at - before.at) / 6.0
+    }
+}
+
 /// A number with its 95 % interval: `value` ± `half`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figure {
@@ -152,8 +159,8 @@ const PLAYS: [f64; 5] = [0.03, 0.06, 0.12, 0.24, 0.5];
 const EXPLAINS: f64 = 0.01;
 /// Shares of the inertia and of the friction that may be behind the play, at least and at most.
 const BEHIND_PLAY: [[f64; 2]; 2] = [[0.15, 0.7], [0.25, 0.75]];
-/// What the delay of a gear that gives is wrong by in any case, s.
-const GIVES: f64 = 25e-6;
+/// Error of every delay, s: an elastic gear is in no model.
+const ELASTIC: f64 = 25e-6;
 
 /// Columns of the regression.
 const INERTIA: usize = 0;
@@ -322,6 +329,11 @@ impl<'s> Samples<'s> {
         self.travel[1] - self.travel[0] > ARM
     }
 
+    /// The weight at an angle, by an answer.
+    fn weight(&self, angle: f64, best: &Row) -> f64 {
+        self.weights(angle).iter().zip(&best[WEIGHT..]).map(|(a, b)| a * b).sum()
+    }
+
     /// What the weight is at an angle, for the columns of it.
     fn weights(&self, angle: f64) -> [f64; 3] {
         let (sin, cos) = (angle - self.middle()).to_radians().sin_cos();
@@ -407,8 +419,7 @@ impl<'s> Samples<'s> {
         let (mut angle, mut speed, mut before) = (f64::NAN, f64::NAN, f64::NAN);
         let side = |(sample, own): (&Sample, &f64)| {
             let time = sample.at - std::mem::replace(&mut before, sample.at);
-            let weights = self.weights(sample.angle);
-            let weight: f64 = weights.iter().zip(&best[WEIGHT..]).map(|(a, b)| a * b).sum();
+            let weight = self.weight(sample.angle, best);
             let drag = best[FRICTION] * speed.signum() + best[VISCOUS] * speed + weight;
             let change = -drag / best[INERTIA] * time;
             angle += 6.0 * (speed + 0.5 * change) * time;
@@ -424,16 +435,14 @@ impl<'s> Samples<'s> {
         self.all.iter().zip(&self.speeds).map(side).collect()
     }
 
-    /// Whether the teeth press on one and the same side throughout a window and long before: whichever shares of
+    /// Whether the teeth press on one and the same side throughout a window and as long before it, whichever shares of
     /// inertia and friction are behind the play.
     fn is_pressed(&self, window: &Window, best: &Row) -> bool {
         let sign = window.row[FRICTION].signum();
         let [inertia, friction] = BEHIND_PLAY;
         let side = |at: usize| {
             let drag = best[FRICTION] + best[VISCOUS] * self.speeds[at].abs();
-            let weights = self.weights(self.all[at].angle);
-            let weight =
-                weights.iter().zip(&best[WEIGHT..]).map(|(a, b)| a * b).sum::<f64>() * sign;
+            let weight = self.weight(self.all[at].angle, best) * sign;
             let accelerates = self.given[at] * sign - drag - weight;
             let torques = inertia.map(|it| it * accelerates);
             let least = torques[0].min(torques[1]) + friction[0] * drag + weight;
@@ -477,9 +486,11 @@ impl<'s> Samples<'s> {
     }
 }
 
-fn turns_both_ways(windows: &[Window]) -> bool {
-    let ways = windows.iter().filter(|it| it.row[FRICTION] > 0.0).count();
-    10 * ways.min(windows.len() - ways) > windows.len()
+/// Whether at least a tenth turns each way.
+fn turns_both_ways<'r>(rows: impl ExactSizeIterator<Item = &'r Row>) -> bool {
+    let count = rows.len();
+    let ways = rows.filter(|it| it[FRICTION] > 0.0).count();
+    10 * ways.min(count - ways) > count
 }
 
 /// A fit about a delay.
@@ -505,7 +516,7 @@ impl Fit {
         let Figure { value, half } = self.figure(|it| self.delay + it[DELAY]);
         // With play a motor begins without its load.
         let half = half * if self.plain.is_some() { 1.5 } else { 1.0 };
-        Figure { value, half: half.hypot(GIVES) }
+        Figure { value, half: half.hypot(ELASTIC) }
     }
 
     /// A value of the answer with its interval, by leaving out each stretch once.
@@ -567,7 +578,8 @@ impl Estimate {
             let mut pressed = samples.windows(behind, None);
             pressed.retain(|it| samples.is_pressed(it, &best));
             let is_long = pressed.len() as f64 * STEP >= STRETCH * STRETCHES[1] as f64;
-            if is_long && turns_both_ways(&pressed) == turns_both_ways(&windows) {
+            let is_both = turns_both_ways(pressed.iter().map(|it| &it.row));
+            if is_long && is_both == turns_both_ways(windows.iter().map(|it| &it.row)) {
                 let pressed = samples.fit(&pressed, fit.delay);
                 fit = if pressed.delay().half < fit.delay().half { pressed } else { fit };
             }
@@ -582,8 +594,7 @@ impl Estimate {
             (fit.rows.iter().map(|it| of(it).powi(2)).sum::<f64>() / bumps).sqrt()
         };
         let effort = root(&|it| it.1);
-        let ways = fit.rows.iter().filter(|it| it.0[FRICTION] > 0.0).count() as f64;
-        let is_both = ways.min(count - ways) > 0.1 * count;
+        let is_both = turns_both_ways(fit.rows.iter().map(|it| &it.0));
         let speeds = || fit.rows.iter().map(|(row, _)| (row[VISCOUS] / row[WEIGHT]).abs());
         let (slowest, fastest) =
             (speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max));

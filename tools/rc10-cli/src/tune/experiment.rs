@@ -255,7 +255,7 @@ impl<'s, 'r> Turned<'s, 'r> {
             }
             let Some(now) = gathered.samples.last() else { continue };
             let (first, from) = (*start.get_or_insert(now.at), *from.get_or_insert(now.angle));
-            // A busy PC may be late with some; but none at all is heeded when it is refused for good.
+            // A jog of a busy PC may come too late; when for a while none is done, the robot refuses for good.
             asked.retain(|id| match session.client.answer(*id) {
                 Some(Answer::Refused(why)) => {
                     refused.get_or_insert((session.now(), why));
@@ -269,7 +269,8 @@ impl<'s, 'r> Turned<'s, 'r> {
             });
             // What was lost on the line is never answered.
             asked.drain(..asked.len().saturating_sub(ANSWERED));
-            if let Some((_, why)) = refused.as_ref().filter(|it| session.now().since(it.0) > HEEDED)
+            if let Some((_, why)) =
+                refused.as_ref().filter(|it| session.now().since(it.0) > REFUSED)
             {
                 bail!("refused: {why}");
             }
@@ -326,9 +327,9 @@ const CALM: f64 = 0.65;
 const LATELY: usize = 5;
 /// The most jogs that wait for their answers.
 const ANSWERED: usize = 50;
-/// How long jogs may be refused.
-const HEEDED: Micros = Micros::from_millis(300);
-/// Time without a word of the motor after which there is no experiment, and after which one ends.
+/// How long all jogs may be refused.
+const REFUSED: Micros = Micros::from_millis(300);
+/// Time without a sample after which an experiment does not begin, and after which one that runs ends.
 const SILENT: Micros = Micros::from_millis(2000);
 const STALE: Micros = Micros::from_millis(250);
 /// Time in which it slows down at the end, s, and the share of the fastest at which it is let go.

@@ -4,7 +4,7 @@ pub mod command;
 pub mod estimate;
 mod experiment;
 pub mod gains;
-pub(crate) mod page;
+mod page;
 pub mod response;
 #[cfg(test)]
 mod tests;

@@ -15,8 +15,9 @@ pub(super) struct Tuning {
     /// What is printed: the numbers, and lines of Rust.
     pub text: String,
     pub code: String,
-    /// The loops before, and with the new gains if there are some.
-    pub loops: [Option<Cascade>; 2],
+    /// The loops as they are, and with the new gains if there are some.
+    pub now: Cascade,
+    pub new: Option<Cascade>,
     /// The plant of the estimate, and what was measured.
     pub plant: Option<Plant>,
     pub points: Vec<Point>,
@@ -39,29 +40,24 @@ fn curve(name: &str, is_measured: bool, points: impl Iterator<Item = (f64, Compl
     json!({ "name": name, "measured": is_measured, "hz": hz, "db": db, "deg": deg })
 }
 
-/// The open speed loop with some gains, as it is computed and as it was measured, for the page.
-pub(crate) fn curves(
-    name: &str,
-    cascade: &Cascade,
-    plant: Option<&Plant>,
-    points: &[Point],
-) -> [Value; 2] {
-    let grid = (0..if plant.is_some() { CURVE.2 } else { 0 }).map(|at| CURVE.0 * CURVE.1.powi(at));
-    let at = |hz: f64| {
-        let plant = plant.map_or(Complex(f64::NAN, 0.0), |it| it.response(TAU * hz));
-        (hz, speed_loop(cascade, plant, TAU * hz))
-    };
-    let measured = points.iter().map(|it| (it.hz, speed_loop(cascade, it.plant, TAU * it.hz)));
-    [curve(name, false, grid.map(at)), curve(&format!("{name}, measured"), true, measured)]
+/// The open speed loop with some gains, as it is computed and as it was measured.
+fn curves(name: &str, cascade: &Cascade, plant: Option<&Plant>, points: &[Point]) -> [Value; 2] {
+    let at = |hz: f64, plant: Complex| (hz, speed_loop(cascade, plant, TAU * hz));
+    let computed = plant.into_iter().flat_map(|plant| {
+        let grid = (0..CURVE.2).map(|step| CURVE.0 * CURVE.1.powi(step));
+        grid.map(move |hz| (hz, plant.response(TAU * hz)))
+    });
+    let computed = computed.map(|(hz, plant)| at(hz, plant));
+    let measured = points.iter().map(|it| at(it.hz, it.plant));
+    [curve(name, false, computed), curve(&format!("{name}, measured"), true, measured)]
 }
 
 fn steps(name: &str, samples: &[Sample]) -> Option<Value> {
     let begin = samples.first()?.at;
     let pairs = || samples.windows(2);
     let asked = |pair: &[Sample]| {
-        let asked = (pair[1].reference - pair[0].reference) / (pair[1].at - pair[0].at) / 6.0;
         // A thousandth of an rpm: it is the difference of two angles.
-        (1000.0 * asked).round() / 1000.0
+        (1000.0 * pair[1].asked_since(&pair[0])).round() / 1000.0
     };
     let times: Vec<_> = pairs().map(|pair| pair[1].at - begin).collect();
     let target: Vec<_> = pairs().map(asked).map(|it| it.is_finite().then_some(it)).collect();
@@ -71,9 +67,9 @@ fn steps(name: &str, samples: &[Sample]) -> Option<Value> {
 
 /// The page.
 pub(super) fn page_of(label: &str, found: &Tuning) -> String {
-    let loops = ["now", "tuned"].into_iter().zip(&found.loops);
+    let loops = [("now", Some(&found.now)), ("tuned", found.new.as_ref())].into_iter();
     let curves = loops.filter_map(|(name, cascade)| {
-        Some(curves(name, cascade.as_ref()?, found.plant.as_ref(), &found.points))
+        Some(curves(name, cascade?, found.plant.as_ref(), &found.points))
     });
     let stepped = ["now", "tuned"].into_iter().zip(&found.steps);
     let data = json!({

@@ -50,10 +50,7 @@ pub fn response(samples: &[Sample]) -> Vec<Point> {
 fn sums(window: &[Sample], period: f64, hz: f64) -> Option<[Complex; 3]> {
     let (first, last) = (window.first()?, window.last()?);
     let is_whole = last.at - first.at < 1.05 * period * window.len() as f64;
-    let signals = |pair: &[Sample]| {
-        let asked = (pair[1].reference - pair[0].reference) / (pair[1].at - pair[0].at) / 6.0;
-        [asked, pair[1].effort, pair[1].speed]
-    };
+    let signals = |pair: &[Sample]| [pair[1].asked_since(&pair[0]), pair[1].effort, pair[1].speed];
     let turns = window.iter().all(|it| it.speed * first.speed > 0.0 && it.effort.is_finite());
     if !is_whole || !turns {
         return None;
