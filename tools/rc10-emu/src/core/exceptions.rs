@@ -42,6 +42,8 @@ const REALIGNED: u32 = 1 << 9;
 /// Words of a frame with FPU registers, and without; the place of the former in it.
 const FRAME: u32 = 8;
 const FP_FRAME: u32 = 26;
+/// Bits of FPSCR that FPDSCR has, too: half precision, default NaN, flush to zero, rounding.
+const MODES: u32 = 0x07C0_0000;
 /// Bits of FPSCR that can be written.
 pub(super) const FPSCR: u32 = 0xF3C0_009F;
 
@@ -284,9 +286,6 @@ impl Core {
         self.exclusive = None;
         self.psr &= !IT;
         self.switch(exception, self.control & !FP_ACTIVE);
-        if self.system.word(FPCCR) & ASPEN != 0 {
-            self.fpscr = self.system.word(FPDSCR);
-        }
         if let Some(handler) = self.bus.word(self.system.vector(exception)) {
             self.next = handler & !1;
             self.psr = self.psr & !T | if handler & 1 == 0 { 0 } else { T };
@@ -419,7 +418,12 @@ impl Core {
             *self.system.word_mut(FPCCR) = status & !LSPACT;
             self.store_fpu(self.system.word(FPCAR), status & USER == 0)?;
         }
-        self.control |= if status & ASPEN == 0 { 0 } else { FP_ACTIVE };
+        if status & ASPEN != 0 && self.control & FP_ACTIVE == 0 {
+            // A new context (B1.5.7, ExecuteFPCheck); the conditions of the one before are not touched: a handler that
+            // does not use the FPU leaves them as they are.
+            self.fpscr = self.fpscr & !MODES | self.system.word(FPDSCR) & MODES;
+            self.control |= FP_ACTIVE;
+        }
         Ok(())
     }
 

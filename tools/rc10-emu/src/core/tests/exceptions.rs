@@ -309,14 +309,20 @@ fn registers_of_the_fpu_are_kept_when_they_are_used() {
         core.s[0] = 1.5_f32.to_bits();
         core.step();
         assert_eq!(core.control & 4, 4);
+        // A comparison's conditions, and another way to round.
+        core.fpscr = 0xA040_0000;
         assert_eq!(core.step(), (Step::Entry(11), 21));
         assert_eq!((core.r[13], core.r[14]), (STACK - 104, 0xFFFF_FFE9));
         assert_eq!(core.system.word(0xF34 / 4) & 1, 1);
         let (step, clocks) = core.step();
         assert_eq!((step, clocks), (Step::Instruction, if uses { 18 } else { 1 }));
+        // What it begins with is FPDSCR's, when it begins.
+        assert_eq!(core.fpscr >> 22 & 3, if uses { 0 } else { 1 });
         let (_, clocks) = core.step();
         assert_eq!(clocks, if uses { 36 } else { 19 });
         assert_eq!((core.s[0], core.control & 4), (3.0_f32.to_bits(), 4));
+        // The branch that comes next goes where it was to go.
+        assert_eq!(core.fpscr, 0xA040_0000);
         assert_eq!((core.r[13], core.system.word(0xF34 / 4) & 1), (STACK, 0));
     }
 }
