@@ -14,6 +14,7 @@ use crate::{ConfigError, FeedForward, PidConfig, PidInput, PidState, RpmPerSecon
 
 /// Gains and limits of both loops.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cascade {
     /// Speed loop: effort per rpm of error.
     pub speed: PidConfig,
@@ -86,6 +87,7 @@ const HEAVIEST: f32 = 2.0;
 
 /// The state of a cascade between two steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CascadeState {
     speed: PidState,
     angle: PidState,
@@ -111,6 +113,7 @@ pub struct CascadeState {
 
 /// The loops that ran last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Active {
     #[default]
     Nothing,

@@ -29,6 +29,7 @@ use crate::units::{Degrees, NewtonMetres, Rpm, RpmPerSecond};
 /// `per_rpm_s` is inertia over torque constant, or what makes a ramp fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FeedForward {
     /// Effort against dry friction, whichever way it moves; ks, 0 or more. All of it from 1 rpm on.
     pub friction: f32,
@@ -42,6 +43,7 @@ pub struct FeedForward {
 
 /// The effort that holds a mechanism against its weight; kg.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Gravity {
     /// Nothing hangs on it, or it turns upright.
     #[default]

@@ -25,6 +25,7 @@ use crate::units::Seconds;
 /// Start with [`PidConfig::within`], which switches every refinement off, and set the fields you need.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PidConfig {
     /// Output per error.
     pub kp: f32,
@@ -132,6 +133,7 @@ pub struct PidInput {
 
 /// State of a PID controller.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PidState {
     integral: f32,
     last_error: f32,

@@ -18,6 +18,7 @@ use crate::pid::PidConfig;
 /// The gains of one loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gains {
     /// Proportional, 0 or more.
     pub kp: f32,

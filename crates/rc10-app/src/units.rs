@@ -9,6 +9,7 @@ macro_rules! units {
             $(#[$doc])*
             #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
             #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+            #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
             pub struct $name(f32);
 
             impl $name {

@@ -6,6 +6,7 @@ use embedded_can::{ExtendedId, Frame, Id, StandardId};
 ///
 /// 16 bytes, `Copy`. Bytes past the length are always zero.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CanFrame {
     /// Identifier, with [`EXTENDED`] and [`REMOTE`] on top: one word to compare and to hash.
     key: u32,

@@ -3,6 +3,7 @@ use core::fmt;
 /// Error state of a CAN controller (ISO 11898-1, fault confinement).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ErrorState {
     /// Both error counters below 96.
     #[default]
@@ -25,6 +26,7 @@ impl ErrorState {
 /// The last error a controller saw on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BusError {
     /// More than five equal bits in a row.
     #[error("six equal bits in a row")]
@@ -49,6 +51,7 @@ pub enum BusError {
 /// State of a bus and its controller, and counters of what was lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Health {
     /// Error state.
     pub state: ErrorState,

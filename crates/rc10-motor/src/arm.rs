@@ -109,12 +109,19 @@ impl ArmSwitch {
     /// The state now.
     #[inline]
     pub fn state(&self) -> ArmState {
-        match self.load() {
-            ARMED => ArmState::Armed,
-            DISARMED | OVERLOAD | CLOCK | CHIP | PARAMETERS => ArmState::Disarmed,
-            SUSPENDED => ArmState::Suspended,
-            _ => ArmState::EStopped,
-        }
+        self.seen().state()
+    }
+
+    /// The state now, for all of a tick: a stop in between changes the next one.
+    #[inline]
+    pub(crate) fn seen(&self) -> Seen {
+        Seen(self.load())
+    }
+
+    /// Sets the state that a record says a tick has [seen](crate::record::TICK).
+    #[cfg(feature = "record")]
+    pub fn replay(&self, seen: u8) {
+        self.0.store(u32::from(seen), Ordering::Release);
     }
 
     /// Lets the motors follow their commands; an armed or suspended robot stays as it is.
@@ -215,13 +222,6 @@ impl ArmSwitch {
         });
     }
 
-    /// The state as motors see it: disarmed also while stopped without torque.
-    #[inline]
-    pub(crate) fn for_motors(&self) -> ArmState {
-        let state = self.load();
-        if state == ARMED { ArmState::Armed } else { for_idle_motors(state) }
-    }
-
     /// One step from the present state, in one piece. An unfit robot stays what it is.
     fn always(&self, step: impl Fn(u8) -> u8) {
         self.update(&|word| {
@@ -239,6 +239,28 @@ impl ArmSwitch {
     fn update(&self, step: &dyn Fn(u32) -> Option<u32>) {
         // `Err`: there is nothing to do.
         let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, step);
+    }
+}
+
+/// What a tick has seen of the switch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Seen(pub(crate) u8);
+
+impl Seen {
+    #[inline]
+    pub(crate) const fn state(self) -> ArmState {
+        match self.0 {
+            ARMED => ArmState::Armed,
+            DISARMED | OVERLOAD | CLOCK | CHIP | PARAMETERS => ArmState::Disarmed,
+            SUSPENDED => ArmState::Suspended,
+            _ => ArmState::EStopped,
+        }
+    }
+
+    /// The state as motors see it: disarmed also while stopped without torque.
+    #[inline]
+    pub(crate) const fn for_motors(self) -> ArmState {
+        if self.0 == ARMED { ArmState::Armed } else { for_idle_motors(self.0) }
     }
 }
 
@@ -302,16 +324,19 @@ mod tests {
         assert_eq!(switch.arm(), Err(ArmError::EStopped));
         assert_eq!(switch.state(), ArmState::EStopped);
         // Disarmed on top: no torque either.
-        assert_eq!(switch.for_motors(), ArmState::Disarmed);
+        assert_eq!(switch.seen().for_motors(), ArmState::Disarmed);
         switch.reset();
         assert_eq!(switch.state(), ArmState::Disarmed);
         // Stopping a disarmed robot gives no motor torque.
         switch.emergency_stop();
-        assert_eq!((switch.state(), switch.for_motors()), (ArmState::EStopped, ArmState::Disarmed));
+        assert_eq!(
+            (switch.state(), switch.seen().for_motors()),
+            (ArmState::EStopped, ArmState::Disarmed)
+        );
         switch.reset();
         switch.arm().unwrap();
         switch.emergency_stop();
-        assert_eq!(switch.for_motors(), ArmState::EStopped);
+        assert_eq!(switch.seen().for_motors(), ArmState::EStopped);
     }
 
     /// A robot that was disarmed while stopped, or before, gets no torque by another stop.
@@ -326,7 +351,7 @@ mod tests {
             switch.disarm();
             switch.emergency_stop();
             switch.emergency_stop();
-            let both = (switch.state(), switch.for_motors());
+            let both = (switch.state(), switch.seen().for_motors());
             assert_eq!(both, (ArmState::EStopped, ArmState::Disarmed));
         }
     }
@@ -362,18 +387,21 @@ mod tests {
         assert_eq!(switch.state(), ArmState::Disarmed);
         switch.arm().unwrap();
         switch.suspend();
-        let both = (switch.state(), switch.for_motors());
+        let both = (switch.state(), switch.seen().for_motors());
         assert_eq!(both, (ArmState::Suspended, ArmState::EStopped));
         switch.arm().unwrap();
         switch.reset();
         assert_eq!(switch.state(), ArmState::Suspended);
         switch.resume();
-        assert_eq!(switch.for_motors(), ArmState::Armed);
+        assert_eq!(switch.seen().for_motors(), ArmState::Armed);
         // A stop of a suspended robot latches, and it holds.
         switch.suspend();
         switch.emergency_stop();
         switch.resume();
-        assert_eq!((switch.state(), switch.for_motors()), (ArmState::EStopped, ArmState::EStopped));
+        assert_eq!(
+            (switch.state(), switch.seen().for_motors()),
+            (ArmState::EStopped, ArmState::EStopped)
+        );
         switch.reset();
         switch.arm().unwrap();
         switch.suspend();
@@ -391,7 +419,7 @@ mod tests {
         for step in [ArmSwitch::disarm, ArmSwitch::suspend, ArmSwitch::resume, ArmSwitch::reset] {
             step(&switch);
             assert_eq!(switch.arm(), Err(ArmError::Unfit(Unfit::Parameters)));
-            assert_eq!(switch.for_motors(), ArmState::Disarmed);
+            assert_eq!(switch.seen().for_motors(), ArmState::Disarmed);
         }
         switch.allow();
         assert_eq!((switch.arm(), switch.state()), (Ok(()), ArmState::Armed));
@@ -426,7 +454,7 @@ mod tests {
                 step();
                 assert_eq!(switch.arm(), Err(ArmError::Unfit(why)));
                 assert_eq!((switch.state(), switch.unfit()), (ArmState::Disarmed, Some(why)));
-                assert_eq!(switch.for_motors(), ArmState::Disarmed);
+                assert_eq!(switch.seen().for_motors(), ArmState::Disarmed);
             }
         }
     }

@@ -4,9 +4,9 @@ use rc10_app::Seconds;
 use rc10_can::CanFrame;
 use rc10_time::Micros;
 
-use crate::arm::ArmSwitch;
 #[cfg(feature = "embassy")]
 use crate::arm::Unfit;
+use crate::arm::{ArmSwitch, Seen};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::CanIds;
 #[cfg(feature = "embassy")]
@@ -51,6 +51,7 @@ pub enum Dispatch {
 /// Counters of the frames that a bus received, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct BusCounters {
     /// Frames given to [`MotorBus::on_frame`].
     pub received: u32,
@@ -189,8 +190,18 @@ impl<'m> MotorBus<'m> {
     /// # Errors
     /// [`TxFull`] if not all frames fit into `tx`; the other motors' frames are in it.
     pub fn tick(&mut self, now: Micros, dt: Seconds, tx: &mut TxBatch) -> Result<(), TxFull> {
+        self.tick_as(self.switch().seen(), now, dt, tx)
+    }
+
+    pub(crate) fn tick_as(
+        &mut self,
+        seen: Seen,
+        now: Micros,
+        dt: Seconds,
+        tx: &mut TxBatch,
+    ) -> Result<(), TxFull> {
         let mut outcome = Ok(());
-        self.motors.tick(now, dt, |_, motor, _| {
+        self.motors.tick(seen, now, dt, |_, motor, _| {
             if let Err(full) = motor.pack_command(tx) {
                 outcome = Err(full);
             }
@@ -213,6 +224,11 @@ impl<'m> MotorBus<'m> {
     /// Each motor's identifiers, in order: all at once would take much of a chip's stack.
     pub fn for_each_can_ids(&self, mut f: impl FnMut(&CanIds)) {
         self.motors.iter().for_each(|motor| f(&motor.can_ids()));
+    }
+
+    #[cfg(feature = "record")]
+    pub(crate) const fn set_counters(&mut self, counters: BusCounters) {
+        self.counters = counters;
     }
 
     /// Counters of the frames that this bus received.

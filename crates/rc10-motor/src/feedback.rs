@@ -135,10 +135,12 @@ readings! {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Fault {
     /// The code the device sent.
     pub code: u32,
     /// Meaning of the code.
+    #[cfg_attr(feature = "record", serde(skip))]
     pub text: &'static str,
     /// Of a setting: what the device holds, and what the table says, in the unit that the text names.
     pub differs: Option<[f32; 2]>,

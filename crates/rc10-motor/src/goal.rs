@@ -9,6 +9,7 @@ use crate::target::{Motion, Target, TargetError, TargetSet};
 
 /// A target in numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum Goal {
     Rest,
     /// In the unit of the motor's own effort.
@@ -46,6 +47,7 @@ impl Goal {
 
 /// The target of a motor, and where it holds: with or without loops of ours.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Goals {
     supports: TargetSet,
     target: Target,

@@ -79,6 +79,8 @@ mod not_a_number;
 pub mod odrive;
 pub mod pending;
 pub mod plan;
+#[cfg(feature = "record")]
+pub mod record;
 mod request;
 pub mod servo;
 pub mod shaft;

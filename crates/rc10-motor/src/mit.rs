@@ -16,6 +16,7 @@ use crate::target::{Motion, Target, TargetError, TargetKind};
 
 /// A drive's own loop: `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Setpoint {
     /// In rad, ±[`Limits::position`].
     pub position: f32,
@@ -122,6 +123,7 @@ const PER_RPM_MICRO: f32 = 6.0;
 ///
 /// Without power the turns are forgotten: a jump, or an odd reading after a silence, tells.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct RangedShaft {
     /// In microdegrees of the device, from its own zero at first.
     pub(crate) shaft: Shaft,

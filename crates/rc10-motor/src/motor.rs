@@ -11,6 +11,7 @@ use crate::target::{Target, TargetError, TargetKind, TargetSet};
 /// A drive mode: what a motor may do in a tick, as its bus decides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum DriveMode {
     /// The robot is disarmed: no torque; a device that can be disabled is.
     #[default]
@@ -30,6 +31,7 @@ rc10_app::states!(DriveMode: Off, Coast, Brake, Hold, Run);
 /// The behaviour with an expired command or in an emergency stop. (A motor not heard coasts.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum SafeState {
     /// Turn freely. Right for wheels.
     #[default]
@@ -130,6 +132,7 @@ impl Tuning {
 /// Whether a motor is heard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Link {
     /// No feedback since power-on.
     #[default]
@@ -215,10 +218,27 @@ pub trait Motor: Send {
     /// Withholds a part of the largest effort of its [`loops`](Self::loops) from the target that it has, a speed, an
     /// angle or a motion. The next target has all of it again.
     fn withhold(&mut self, _withheld: Withheld) {}
+
+    /// Writes all that changes while it runs, for [a record](crate::record::save).
+    #[cfg(feature = "record")]
+    fn save(&self, _to: &mut dyn FnMut(&[u8])) {}
+
+    /// Takes back what [`save`](Self::save) has written; false for something else.
+    #[cfg(feature = "record")]
+    fn load(&mut self, _from: &[u8]) -> bool {
+        true
+    }
+
+    /// The same as a text, a field a line.
+    #[cfg(all(feature = "record", not(target_os = "none")))]
+    fn show(&self, _to: &mut dyn core::fmt::Write) -> core::fmt::Result {
+        Ok(())
+    }
 }
 
 /// Shares of a motor's largest effort that a command withholds from its loops, 0 ..= 1 (beyond is limited).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Withheld {
     /// From what drives the shaft the way it turns, or from a standstill.
     pub driving: f32,

@@ -4,9 +4,11 @@ use heapless::Vec;
 use rc10_app::{Seconds, Text};
 use rc10_time::Micros;
 
-use crate::arm::{ArmState, ArmSwitch};
+use crate::arm::{ArmState, ArmSwitch, Seen};
 use crate::can_ids::{Clash, MotorName};
 use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick, Withheld};
+#[cfg(feature = "record")]
+use crate::record::save;
 use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Safety, Supervision};
 use crate::target::{Target, TargetError, TargetSet};
@@ -18,6 +20,7 @@ use crate::target::{Target, TargetError, TargetSet};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotorId(u8);
 
 impl MotorId {
@@ -128,6 +131,8 @@ pub struct Motors<'m, M: ?Sized, const N: usize> {
     slots: Vec<Slot<'m, M>, N>,
     last_tick: Option<Micros>,
     ticks: u32,
+    /// Whether one of them turns by a jog, perhaps.
+    jogs: bool,
 }
 
 struct Slot<'m, M: ?Sized> {
@@ -140,7 +145,7 @@ const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
 
 impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     pub(crate) const fn new(switch: &'m ArmSwitch) -> Self {
-        Self { switch, slots: Vec::new(), last_tick: None, ticks: 0 }
+        Self { switch, slots: Vec::new(), last_tick: None, ticks: 0, jogs: false }
     }
 
     pub(crate) fn attach(
@@ -191,6 +196,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     /// One tick: decides what each motor may do, lets it compute, and has `send` take its frames.
     pub(crate) fn tick(
         &mut self,
+        seen: Seen,
         now: Micros,
         dt: Seconds,
         mut send: impl FnMut(usize, &mut M, &Tick),
@@ -200,21 +206,30 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
             self.slots.iter_mut().for_each(|slot| slot.supervision.forget());
         }
-        let arm = self.switch.for_motors();
+        if self.jogs {
+            self.watch_jogs(seen);
+        }
+        let arm = seen.for_motors();
         self.ticks = self.ticks.wrapping_add(1);
         let (mode, link, count) = (DriveMode::Off, Link::Online, self.ticks);
         // Without arming nothing else runs.
         let mut tick = Tick { dt, mode, link, count, is_jog: arm == ArmState::Disarmed };
         for (index, slot) in self.slots.iter_mut().enumerate() {
-            if slot.supervision.jogs() {
-                slot.supervision.watch_jog(&*slot.motor, self.switch.state());
-            }
             tick.mode = slot.supervision.decide(arm, now);
             tick.link = slot.supervision.link_in_tick();
             slot.motor.update(&tick);
             send(index, slot.motor, &tick);
             // Each has its own beat.
             tick.count = tick.count.wrapping_add(1);
+        }
+    }
+
+    #[cold] // A jog is rare.
+    fn watch_jogs(&mut self, seen: Seen) {
+        self.jogs = false;
+        for slot in self.slots.iter_mut().filter(|slot| slot.supervision.jogs()) {
+            slot.supervision.watch_jog(&*slot.motor, seen.state());
+            self.jogs |= slot.supervision.jogs();
         }
     }
 
@@ -261,8 +276,18 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     /// # Errors
     /// [`RequestError`]; nothing changed.
     pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
-        let (arm, now) = (self.switch.state(), self.last_tick.unwrap_or_default());
-        let for_motors = self.switch.for_motors();
+        self.request_as(self.switch.seen(), motor, request)
+    }
+
+    pub(crate) fn request_as(
+        &mut self,
+        seen: Seen,
+        motor: MotorId,
+        request: Request,
+    ) -> Result<Response, RequestError> {
+        let (arm, now) = (seen.state(), self.last_tick.unwrap_or_default());
+        let for_motors = seen.for_motors();
+        self.jogs |= matches!(request, Request::Jog(_));
         let slot = self.slot_mut(motor).ok_or(RequestError::NoSuchMotor)?;
         let Slot { motor, supervision } = slot;
         match request {
@@ -313,6 +338,55 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     pub(crate) fn write_status(&self, motor: MotorId, now: Micros, status: &mut MotorStatus) {
         if let Some(slot) = self.slot(motor) {
             slot.supervision.write_status(&*slot.motor, now, status);
+        }
+    }
+
+    /// Number of motors in a record.
+    #[cfg(feature = "record")]
+    #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
+    pub(crate) fn recorded(&self) -> u8 {
+        self.slots.len() as u8
+    }
+
+    /// Of [`Recorded`](crate::record::Recorded).
+    #[cfg(feature = "record")]
+    pub(crate) fn save_part(&self, part: u8, to: &mut dyn FnMut(&[u8])) {
+        match self.slots.get(usize::from(part)) {
+            Some(slot) => {
+                save(&slot.supervision, to);
+                slot.motor.save(to);
+            }
+            None => save(&(self.last_tick, self.ticks), to),
+        }
+    }
+
+    /// Of [`Recorded`](crate::record::Recorded); what is left of the bytes.
+    #[cfg(feature = "record")]
+    pub(crate) fn load_part<'b>(&mut self, part: u8, from: &'b [u8]) -> Option<&'b [u8]> {
+        self.jogs = true;
+        match self.slots.get_mut(usize::from(part)) {
+            Some(slot) => {
+                let (supervision, rest) = postcard::take_from_bytes(from).ok()?;
+                slot.supervision = supervision;
+                slot.motor.load(rest).then_some(&[])
+            }
+            None => {
+                let rest;
+                ((self.last_tick, self.ticks), rest) = postcard::take_from_bytes(from).ok()?;
+                Some(rest)
+            }
+        }
+    }
+
+    /// Of [`Recorded`](crate::record::Recorded).
+    #[cfg(all(feature = "record", not(target_os = "none")))]
+    pub(crate) fn show_part(&self, part: u8, to: &mut dyn core::fmt::Write) -> core::fmt::Result {
+        match self.slots.get(usize::from(part)) {
+            Some(slot) => {
+                writeln!(to, "{:#?}", slot.supervision)?;
+                slot.motor.show(to)
+            }
+            None => writeln!(to, "{:#?}", (self.last_tick, self.ticks)),
         }
     }
 

@@ -12,6 +12,7 @@ pub type Outcome = Result<Response, RequestError>;
 
 /// The tries by which a question is put to a device: their number and their times.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Retry {
     /// Seconds from one try to the next.
     pub every: f32,
@@ -39,6 +40,7 @@ impl Retry {
 
 /// At most one request in flight: the question, its tries, and its outcome, told once.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pending<Q> {
     asked: Option<Asked<Q>>,
     outcome: Option<Outcome>,
@@ -47,6 +49,7 @@ pub struct Pending<Q> {
 }
 
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 struct Asked<Q> {
     question: Q,
     retry: Retry,

@@ -5,6 +5,7 @@ use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Request {
     /// Zero is here from now on. Only while not driven: commands of old numbers would move it.
     SetZero,
@@ -40,6 +41,7 @@ pub enum Request {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Response {
     /// The request is done.
     Done,
@@ -53,12 +55,14 @@ pub enum Response {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum RequestError {
     /// This motor cannot do that.
     #[error("this motor cannot do that")]
     Unsupported,
     /// A number in it cannot be used.
     #[error(transparent)]
+    #[cfg_attr(feature = "record", serde(skip))]
     Config(#[from] ConfigError),
     /// The request needs feedback, and none came yet.
     #[error("the motor has not been heard of yet")]

@@ -47,6 +47,7 @@ use crate::target::{Impedance, Target, TargetError, TargetKind, TargetSet};
 /// Efforts have the unit of the target for one: amperes, newton metres, or a share of the voltage.
 #[derive(Clone, Copy, Debug)]
 #[must_use]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Servo {
     effort: TargetKind,
     goals: Goals,
@@ -73,6 +74,7 @@ pub struct Servo {
 
 /// The springs that a device can make.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct SpringRange {
     /// Largest stiffness, N m/rad.
     pub kp: f32,
@@ -86,6 +88,7 @@ pub struct SpringRange {
 ///
 /// torque = `kp` · `way` + `kd` · (`speed` - measured) + `torque`
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Spring {
     /// The way left to where the spring pulls to.
     pub way: Degrees,

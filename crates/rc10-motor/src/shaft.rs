@@ -39,6 +39,7 @@ const NEVER: Micros = Micros::new(1 << 63);
 ///
 /// The count stays exact: the part of a microdegree that a step leaves over is carried on.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Shaft {
     /// Microdegrees of the output per step, with the direction: whole ones, and `part / divisor`.
     whole: i32,

@@ -12,6 +12,7 @@ use crate::target::{Target, TargetError, TargetSet};
 
 #[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum Side<D> {
     /// This crate.
     Here(Servo),

@@ -15,6 +15,7 @@ use crate::target::{Target, TargetError, TargetKind};
 
 /// The command timeout of a motor, and its safe state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Safety {
     /// The state of a motor that may not follow its target.
     pub state: SafeState,
@@ -48,6 +49,7 @@ impl Safety {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotorCounters {
     /// Good feedback frames.
     pub received: u32,
@@ -67,6 +69,7 @@ pub struct MotorCounters {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Refusals {
     /// Targets of a kind that the motor does not take. Also those that came before its bus ran.
     pub unsupported: u32,
@@ -196,6 +199,8 @@ impl MotorStatus {
 const SKEW: Micros = Micros::from_millis(2);
 
 /// Decides in every tick what a motor may do, from when it was heard and commanded last.
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Debug)]
 pub(crate) struct Supervision {
     heard_at: Micros,
     commanded_at: Micros,

@@ -5,6 +5,7 @@ use rc10_app::{Amps, AngleSetpoint, Degrees, NewtonMetres, Rpm, RpmPerSecond, To
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Target {
     /// Turn freely: no torque.
     #[default]
@@ -36,6 +37,7 @@ pub enum Target {
 /// A single step of `angle` is a blow: a spring pulls with all it has. Move it, or keep `kp` low.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Impedance {
     /// The angle to which the spring pulls, of many turns, from the feedback's zero.
     pub angle: Degrees,
@@ -81,6 +83,7 @@ impl Impedance {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Motion {
     /// The angle, over many turns; `None`: only the speed counts.
     pub angle: Option<TotalAngle>,
@@ -149,6 +152,7 @@ pub(crate) fn without_effort(kinds: TargetSet, target: &Target) -> Result<(), Ta
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 #[repr(u8)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum TargetKind {
     /// [`Target::Coast`].
     Coast,
@@ -218,6 +222,7 @@ impl Target {
 /// The kinds of target that a motor takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct TargetSet(u16);
 
 impl TargetSet {

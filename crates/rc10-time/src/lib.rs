@@ -15,6 +15,7 @@ use core::ops::{Add, AddAssign, Sub};
 ///
 /// 64 bits last 584,000 years: nothing wraps, and a difference is exact after any uptime.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Micros(u64);
 
 impl Micros {
@@ -99,6 +100,7 @@ impl defmt::Format for Micros {
 /// assert_eq!(plan.next(), Micros::new(3_000));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Schedule {
     next: Micros,
     period: Micros,
@@ -150,6 +152,7 @@ impl Schedule {
 /// Smallest, mean and largest of a series of durations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Timing {
     count: u32,
     min: u32,

@@ -20,7 +20,9 @@ use crate::target::{Target, TargetError};
 ///
 /// Loops here send torques; [`Target::Impedance`] is the device's loop: run mode 0, checked.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct CyberGear {
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::cybergear"))]
     model: Model,
     address: Address,
     servo: Servo,
@@ -40,6 +42,7 @@ pub struct CyberGear {
 
 /// The step of enabling that a device has reached: its answers lead from one to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 enum Step {
     /// Sends stops, which are answered.
     Stopped,
@@ -54,6 +57,7 @@ enum Step {
 
 /// A request that the device carries out itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 enum Question {
     /// Forget its faults: the frame for it takes the place of its stop.
     ClearFaults,
@@ -262,6 +266,7 @@ impl Motor for CyberGear {
     handed_on!(supports, target, loops of [servo]);
     handed_on!(fault of [fault]);
     handed_on!(response of [pending]);
+    handed_on!(state but [model]);
 
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.address.motor.into() }

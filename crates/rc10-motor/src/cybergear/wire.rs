@@ -12,6 +12,7 @@ use crate::motor::FrameError;
 
 /// The identifiers of a motor and of the host that talks to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Address {
     /// The motor's identifier; 127 as it is sold.
     pub motor: u8,
@@ -92,6 +93,7 @@ pub fn set_id(to: Address, new: u8) -> CanFrame {
 
 /// A setting or measurement, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Parameter(pub u16);
 
 impl Parameter {
@@ -171,6 +173,7 @@ pub enum Reply {
 
 /// Whether a motor moves: bits 23 and 22 of the identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Mode {
     /// The motor stands: stopped, or never enabled.
     Reset = 0,
@@ -184,6 +187,7 @@ pub enum Mode {
 
 /// The feedback of a motor: types 2 and 24.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Feedback {
     /// From, and to.
     pub address: Address,

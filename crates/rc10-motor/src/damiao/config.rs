@@ -217,6 +217,7 @@ const FASTEST_FORCE_POSITION: f32 = 100.0;
 
 /// The settings of the device's own position loop.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Own {
     /// Largest velocity on the way to a position, rad/s.
     pub(super) velocity: f32,

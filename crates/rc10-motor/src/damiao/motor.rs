@@ -22,9 +22,12 @@ use crate::target::{Target, TargetError, without_effort};
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Damiao {
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::damiao"))]
     model: Model,
     id: DeviceId,
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::id"))]
     master: StandardId,
     mode: Mode,
     side: Side<Own>,
@@ -46,6 +49,7 @@ pub struct Damiao {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 enum Command {
     Operate(Operation),
     Drive(CanFrame),
@@ -53,6 +57,7 @@ enum Command {
 
 /// A request that the device carries out itself, or a check of its registers.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 enum Question {
     /// Whether the next of the [`CHECKED`] registers is as configured; no request of the robot's.
     Check,
@@ -320,6 +325,7 @@ impl Motor for Damiao {
     handed_on!(supports, target, loops of [side]);
     handed_on!(fault of [fault]);
     handed_on!(response of [pending]);
+    handed_on!(state but [model, master]);
 
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.id.raw() }

@@ -13,6 +13,7 @@ use crate::pending::check_timeout;
 
 /// A register, by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Register(pub u8);
 
 impl Register {
@@ -93,6 +94,7 @@ pub(super) const NAMES: [(u8, &str, &str); 45] = [
 
 /// The value of a register.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Value {
     /// An f32.
     Real(f32),
@@ -113,6 +115,7 @@ impl Value {
 /// A read or write of a register, or another command on the registers' identifier.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Access {
     /// Reads a register.
     Read(Register),

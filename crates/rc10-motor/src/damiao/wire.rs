@@ -14,6 +14,7 @@ use crate::motor::FrameError;
 
 /// The `CAN_ID` of a motor, register 8: of frames that it takes. It compares the low byte only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct DeviceId(u16);
 
 impl DeviceId {
@@ -49,6 +50,7 @@ pub(super) const REGISTERS: u16 = 0x7FF;
 
 /// The control mode: register 10, `CTRL_MODE`. Another mode's frames are not documented.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Mode {
     /// Position, velocity, gains and torque at once: [`mit`].
     #[default]
@@ -75,6 +77,7 @@ impl Mode {
 
 /// A special command: seven bytes of 0xFF and one of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Operation {
     /// Clear errors.
     ClearError = 0xFB,
@@ -152,6 +155,7 @@ fn steps(x: f32, per_unit: f32) -> u16 {
 
 /// Whether a motor moves, by its own account: the high four bits of byte 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum State {
     /// The motor makes no torque, as told. (Not every model turns freely then: an H3510 brakes.)
     Disabled,
@@ -210,6 +214,7 @@ impl State {
 
 /// The answer of a motor to every command.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Feedback {
     /// The low four bits of its `CAN_ID`: all that fits.
     pub id: u8,

@@ -19,11 +19,15 @@ use crate::target::TargetKind;
 
 /// One DJI motor.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Dji {
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::dji"))]
     model: &'static Model,
     id: u8,
+    #[cfg_attr(feature = "record", serde(skip))]
     rate: FeedbackRate,
     feedback_key: u32,
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::id"))]
     command_id: StandardId,
     lane: usize,
     servo: Servo,
@@ -96,6 +100,7 @@ const fn servo(model: &Model, cascade: Cascade) -> Servo {
 
 impl Motor for Dji {
     handed_on!(supports, set_target, target, loops of [servo]);
+    handed_on!(state but [model, rate, command_id]);
 
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.id.into() }

@@ -4,6 +4,8 @@ use rc10_time::{Micros, Schedule, Timing};
 pub(super) const PERIOD: Micros = Micros::from_millis(1);
 
 /// The ticks of a runner: when the next is due, and what its status tells of those before.
+#[derive(Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Clock {
     schedule: Schedule,
     last: Option<Micros>,

@@ -18,6 +18,8 @@ mod subscription;
 pub use motors::{MotorPort, MotorPorts};
 pub use port::{BusPort, BusStatus, OutboxError};
 pub use ports::{Ports, PortsOf};
+#[cfg(feature = "record")]
+pub use rs485::Runner as LineRunner;
 pub use rs485::{Rs485Port, Rs485Status, run_rs485};
 pub use runner::{Runner, run_bus, run_buses};
 pub use subscription::{Filter, NoFreeSubscription, Received, Subscription};

@@ -7,9 +7,12 @@ use heapless::Vec;
 use rc10_message::{CallError, Caller, Calls, Service};
 use rc10_time::Micros;
 
+use crate::arm::Seen;
 use crate::motor::{Motor, Tuning, Withheld};
 use crate::motors::{MotorId, Motors};
 use crate::pending::Outcome;
+#[cfg(feature = "record")]
+use crate::record::{COMMAND, REQUEST, Recorder, Sink, To};
 use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Refusals};
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
@@ -20,6 +23,9 @@ pub struct MotorPorts<S, const N: usize> {
     /// To all of its motors.
     requests: Requests,
     status: Mutex<CriticalSectionRawMutex, RefCell<S>>,
+    /// Where what reaches its ticks is recorded.
+    #[cfg(feature = "record")]
+    sink: Mutex<CriticalSectionRawMutex, Cell<To>>,
 }
 
 struct MotorCell {
@@ -78,7 +84,15 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
             }; N],
             requests: Service::new(),
             status: Mutex::new(RefCell::new(status)),
+            #[cfg(feature = "record")]
+            sink: Mutex::new(Cell::new(None)),
         }
+    }
+
+    /// Records what reaches the ticks of its bus, of this [place](crate::record); before the bus begins.
+    #[cfg(feature = "record")]
+    pub fn record(&self, sink: &'static dyn Sink, place: u8) {
+        self.sink.lock(|it| it.set(Some((sink, place))));
     }
 
     /// The port of one motor. A motor the bus does not have refuses everything.
@@ -111,6 +125,8 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
 pub(super) struct Server<'p, S, const N: usize> {
     ports: &'p MotorPorts<S, N>,
     pending: Vec<(MotorId, Asker<'p>), N>,
+    #[cfg(feature = "record")]
+    pub(super) recorder: Recorder,
 }
 
 impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
@@ -124,14 +140,26 @@ impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
             let tuning = motors.loops(motor).map(|loops| [Tuning::of(&loops); 2]);
             cell.tuning.lock(|place| place.set(tuning));
         }
-        Self { ports, pending: Vec::new() }
+        Self {
+            ports,
+            pending: Vec::new(),
+            #[cfg(feature = "record")]
+            recorder: Recorder::new(ports.sink.lock(Cell::get)),
+        }
     }
 
     /// Gives the motors what tasks want of them, and passes on what they say. Never waits.
     #[inline]
-    pub(super) fn take<M: Motor + ?Sized>(&mut self, motors: &mut Motors<'_, M, N>, now: Micros) {
+    pub(super) fn take<M: Motor + ?Sized>(
+        &mut self,
+        motors: &mut Motors<'_, M, N>,
+        seen: Seen,
+        now: Micros,
+    ) {
         for (motor, cell) in motors.ids().zip(&self.ports.cells) {
             if let Some((target, withheld)) = cell.take_command() {
+                #[cfg(feature = "record")]
+                self.recorder.given(COMMAND, motor.index(), &(target, withheld));
                 // The port has checked it; what the motor refuses all the same is counted.
                 let _ = motors.command_within(motor, target, withheld, now);
             }
@@ -139,7 +167,7 @@ impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
         let cells = &self.ports.cells;
         self.serve(|motor, request| {
             let outcome = match request {
-                Some(request) => Some(motors.request(motor, request)),
+                Some(request) => Some(motors.request_as(seen, motor, request)),
                 None => motors.response(motor),
             };
             if let (Some(Ok(Response::Done)), Some(cell)) = (&outcome, cells.get(motor.index())) {
@@ -167,6 +195,8 @@ impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
         // Not more: a task that asks again and again at a higher priority must not keep the tick.
         for _ in 0..CALLERS {
             let Some(((motor, request), asker)) = self.ports.requests.try_next() else { break };
+            #[cfg(feature = "record")]
+            self.recorder.given(REQUEST, motor.index(), &request);
             let mut outcome = ask(motor, Some(request));
             // Busy with a request from before this bus began: no task waits for that any more.
             if outcome == Some(Err(RequestError::Busy))

@@ -2,6 +2,8 @@ use rc10_can::{BusOffPolicy, ErrorState, Health};
 use rc10_time::Micros;
 
 /// Decides by a [`BusOffPolicy`] when a bus that has left goes back; the port knows how.
+#[derive(Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Recovery {
     policy: BusOffPolicy,
     /// Since the last attempt, if any of late; doubles each time.

@@ -8,6 +8,8 @@ use rc10_time::{Micros, Timing};
 use super::clock::{Clock, PERIOD, now};
 use super::motors::{MotorPorts, Server};
 use crate::arm::ArmState;
+#[cfg(feature = "record")]
+use crate::record::{BUS, Recorded, save};
 use crate::supervision::count;
 use crate::unitree::{Rs485Bus, Rs485Counters, Step};
 
@@ -82,13 +84,13 @@ pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
         if now() >= runner.clock.next() {
             runner.tick(now());
         }
-        let until = match runner.bus.poll(now()) {
+        let until = match runner.poll(now()) {
             Step::Send(command) => {
                 // A port that takes longer for 17 bytes does not send them. Their end is not waited for:
                 // the reply tells, and each wake costs the next command's time.
                 let sent = with_timeout(WRITE_LIMIT, io.write_all(&command)).await;
                 if !matches!(sent, Ok(Ok(()))) {
-                    count(&mut runner.port_errors);
+                    runner.failed();
                 }
                 continue;
             }
@@ -97,11 +99,11 @@ pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
         let until = Instant::from_micros(until.get());
         match with_deadline(until, io.read(&mut received)).await {
             Ok(Ok(len)) if len > 0 => {
-                runner.bus.on_bytes(received.get(..len).unwrap_or_default(), now());
+                runner.hear(received.get(..len).unwrap_or_default(), now());
             }
             // The end of something that has none is an error, too.
             Ok(_) => {
-                count(&mut runner.port_errors);
+                runner.failed();
                 Timer::after(ERROR_PAUSE).await;
             }
             Err(_) => (),
@@ -116,7 +118,8 @@ const WRITE_LIMIT: Duration = Duration::from_millis(1);
 /// A port that always fails at once must not keep the processor busy.
 const ERROR_PAUSE: Duration = Duration::from_micros(100);
 
-struct Runner<'r, 'm> {
+/// A line and its shared port: the state of [`run_rs485`].
+pub struct Runner<'r, 'm> {
     bus: &'r mut Rs485Bus<'m>,
     shared: &'r Rs485Port,
     clock: Clock,
@@ -125,24 +128,99 @@ struct Runner<'r, 'm> {
 }
 
 impl<'r, 'm> Runner<'r, 'm> {
-    fn new(bus: &'r mut Rs485Bus<'m>, shared: &'r Rs485Port, now: Micros) -> Self {
+    /// Its first tick is due one period after `now`.
+    pub fn new(bus: &'r mut Rs485Bus<'m>, shared: &'r Rs485Port, now: Micros) -> Self {
         let server = Server::new(shared, bus);
         shared.publish(|status| *status = Rs485Status::NEW);
+        #[cfg(feature = "record")]
+        server.recorder.start(now + PERIOD);
         Self { bus, shared, clock: Clock::new(now + PERIOD), port_errors: 0, server }
     }
 
     /// Commands in, motors, status out. Never waits.
-    fn tick(&mut self, now: Micros) {
+    pub fn tick(&mut self, now: Micros) {
         let elapsed = self.clock.tick(now).unwrap_or(PERIOD);
+        let seen = self.bus.switch().seen();
+        #[cfg(feature = "record")]
+        self.server.recorder.tick(now, seen.0);
         // As old as the tick is late, perhaps.
-        self.server.take(self.bus, if elapsed > PERIOD { now - (elapsed - PERIOD) } else { now });
-        self.bus.tick(now, Seconds::from_micros(elapsed.get()));
+        let as_of = if elapsed > PERIOD { now - (elapsed - PERIOD) } else { now };
+        self.server.take(self.bus, seen, as_of);
+        self.bus.tick_as(seen, now, Seconds::from_micros(elapsed.get()));
         self.server.publish(self.bus, now);
         let Self { bus, clock, .. } = self;
         self.shared.publish(|status| {
             (status.ticks, status.overruns) = (clock.ticks, clock.overruns);
             (status.period, status.traffic) = (clock.period, bus.counters());
-            (status.port_errors, status.arm) = (self.port_errors, bus.switch().state());
+            (status.port_errors, status.arm) = (self.port_errors, seen.state());
         });
+        #[cfg(feature = "record")]
+        {
+            let ticks = self.clock.ticks;
+            self.server.recorder.state(self, ticks);
+        }
+    }
+
+    /// The next step on the line.
+    pub fn poll(&mut self, now: Micros) -> Step {
+        let step = self.bus.poll(now);
+        #[cfg(feature = "record")]
+        self.server
+            .recorder
+            .polled(now, if let Step::Send(command) = &step { command } else { &[] });
+        step
+    }
+
+    /// Takes bytes.
+    pub fn hear(&mut self, bytes: &[u8], now: Micros) {
+        #[cfg(feature = "record")]
+        self.server.recorder.bytes(bytes, now);
+        self.bus.on_bytes(bytes, now);
+    }
+
+    /// The port has failed.
+    pub fn failed(&mut self) {
+        #[cfg(feature = "record")]
+        self.server.recorder.failed();
+        count(&mut self.port_errors);
+    }
+}
+
+#[cfg(feature = "record")]
+impl Recorded for Runner<'_, '_> {
+    fn motors(&self) -> u8 {
+        self.bus.recorded()
+    }
+
+    fn start_at(&mut self, first: Micros) {
+        self.clock = Clock::new(first);
+    }
+
+    fn save(&self, part: u8, to: &mut dyn FnMut(&[u8])) {
+        self.bus.save_part(part, to);
+        if part == BUS {
+            save(&(&self.bus.line, &self.clock, self.port_errors), to);
+        }
+    }
+
+    fn load(&mut self, part: u8, from: &[u8]) -> bool {
+        let Some(rest) = self.bus.load_part(part, from) else { return false };
+        if part != BUS {
+            return true;
+        }
+        let own = postcard::take_from_bytes(rest);
+        own.is_ok_and(|(own, _)| {
+            (self.bus.line, self.clock, self.port_errors) = own;
+            true
+        })
+    }
+
+    #[cfg(not(target_os = "none"))]
+    fn show(&self, part: u8, to: &mut dyn core::fmt::Write) -> core::fmt::Result {
+        self.bus.show_part(part, to)?;
+        if part == BUS {
+            write!(to, "{:#?}", (&self.bus.line, &self.clock, self.port_errors))?;
+        }
+        Ok(())
     }
 }

@@ -12,9 +12,11 @@ use super::motors::Server;
 use super::port::{BusPort, BusStatus};
 use super::recovery::Recovery;
 use super::subscription::{Filter, Received};
-use crate::arm::ArmState;
+use crate::arm::{ArmState, Seen};
 use crate::batch::TxBatch;
 use crate::bus::{Dispatch, MotorBus};
+#[cfg(feature = "record")]
+use crate::record::{BUS, OUTGOING, Recorded, SENT, save};
 use crate::supervision::count;
 
 /// Time by which a tick begins before its frames leave: more than the work takes on a full bus. The newest
@@ -51,7 +53,7 @@ pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
     async move {
         let mut first = now() + PERIOD + APART;
         for runner in &mut runners {
-            runner.start_at(first);
+            runner.begin_at(first);
             first += LEAD;
         }
         while let Some(due) = runners.iter().map(|runner| runner.due).min() {
@@ -79,8 +81,8 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     /// Whether the first half is done, and waits for its time to send.
     prepared: bool,
     health: Health,
-    /// The arm state that the motors had in the first half.
-    arm: ArmState,
+    /// What the motors have seen of the switch in the first half.
+    seen: Seen,
     /// Time that the first half took.
     took: Micros,
     last_start: Option<Micros>,
@@ -110,7 +112,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             due: now + (PERIOD - LEAD),
             prepared: false,
             health: Health::NEW,
-            arm: ArmState::Disarmed,
+            seen: Seen::default(),
             took: Micros::ZERO,
             last_start: None,
             tx: TxBatch::new(),
@@ -131,9 +133,16 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self
     }
 
-    fn start_at(&mut self, first: Micros) {
-        self.clock = Clock::new(first);
-        self.due = first - LEAD;
+    fn begin_at(&mut self, first: Micros) {
+        (self.clock, self.due) = (Clock::new(first), first - LEAD);
+        #[cfg(feature = "record")]
+        self.server.recorder.start(first);
+    }
+
+    /// The health of its port, as of the last tick.
+    #[cfg(feature = "record")]
+    pub const fn health(&self) -> Health {
+        self.health
     }
 
     /// When [`tick`](Self::tick) is due: 60 µs before frames are to leave, and then as they are to.
@@ -148,24 +157,26 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     pub fn tick(&mut self, clock: impl Fn() -> Micros) {
         let now = clock();
         let leave = self.clock.next();
-        if !self.prepared || !self.holds(now) {
+        let seen = self.bus.borrow().switch().seen();
+        #[cfg(feature = "record")]
+        self.server.recorder.tick(now, seen.0);
+        if !self.prepared || !self.holds(now, seen) {
             self.prepare(now);
             self.took = clock().since(now);
+            #[cfg(feature = "record")]
+            self.server.recorder.took(self.took);
             if now < leave {
                 (self.prepared, self.due) = (true, leave);
                 return;
             }
         }
-        self.send(now);
+        self.send(now, seen);
     }
 
     /// Whether the prepared may leave: nothing as old as a tick, and no torque after a stop.
-    fn holds(&self, now: Micros) -> bool {
-        let is_stopped = self.arm == ArmState::Armed
-            && matches!(
-                self.bus.borrow().switch().state(),
-                ArmState::EStopped | ArmState::Disarmed
-            );
+    fn holds(&self, now: Micros, seen: Seen) -> bool {
+        let is_stopped = self.seen.state() == ArmState::Armed
+            && matches!(seen.state(), ArmState::EStopped | ArmState::Disarmed);
         !is_stopped && now.since(self.clock.next()) < PERIOD - LEAD
     }
 
@@ -177,24 +188,30 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         }
         self.receive();
         self.look_after_bus(now);
-        // What lies in the mail may be as old as the tick is late.
+        self.seen = self.bus.borrow().switch().seen();
+        #[cfg(feature = "record")]
+        self.server.recorder.arm(self.seen.0);
         self.server.take(
             self.bus.borrow_mut(),
+            self.seen,
+            // What lies in the mail may be as old as the tick is late.
             if elapsed > PERIOD { now - (elapsed - PERIOD) } else { now },
         );
         self.tx.clear();
-        self.arm = self.bus.borrow().switch().for_motors();
         let dt = Seconds::from_micros(elapsed.get());
-        if self.bus.borrow_mut().tick(now, dt, &mut self.tx).is_err() {
+        if self.bus.borrow_mut().tick_as(self.seen, now, dt, &mut self.tx).is_err() {
             // The batch was full; the frame that found no room counts as refused.
             count(&mut self.traffic.refused);
         }
         self.server.publish(self.bus.borrow(), now);
     }
 
-    fn send(&mut self, now: Micros) {
+    fn send(&mut self, now: Micros, seen: Seen) {
         for (frame, stream) in self.tx.entries() {
-            self.traffic.count(self.port.submit_as(frame, stream));
+            let submitted = self.port.submit_as(frame, stream);
+            #[cfg(feature = "record")]
+            self.server.recorder.sent(SENT, frame, submitted as u8);
+            self.traffic.count(submitted);
         }
         self.send_outbox();
 
@@ -202,7 +219,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.clock.tick(now);
         self.due = self.clock.next() - LEAD;
         let bus = self.bus.borrow();
-        let (received, arm) = (bus.counters(), bus.switch().state());
+        let (received, arm) = (bus.counters(), seen.state());
         let Self { clock, traffic, health, took, .. } = self;
         self.shared.publish(|status| {
             (status.ticks, status.overruns) = (clock.ticks, clock.overruns);
@@ -212,6 +229,11 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             status.refused = traffic.refused;
             (status.received, status.health, status.arm) = (received, *health, arm);
         });
+        #[cfg(feature = "record")]
+        {
+            let ticks = self.clock.ticks;
+            self.server.recorder.state(self, ticks);
+        }
     }
 
     /// Tells the port which frames the motors and the subscriptions want.
@@ -250,6 +272,8 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             let Some((frame, at)) = self.port.receive() else {
                 break;
             };
+            #[cfg(feature = "record")]
+            self.server.recorder.frame(&frame, at);
             let dispatch = self.bus.borrow_mut().on_frame(&frame, at);
             if self.listening {
                 let claimed = dispatch != Dispatch::Unclaimed;
@@ -262,6 +286,8 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     fn look_after_bus(&mut self, now: Micros) {
         self.health = self.port.health();
         let asked = self.shared.take_recover();
+        #[cfg(feature = "record")]
+        self.server.recorder.health(&self.health, asked);
         let steps = self.recovery.step(&self.health, asked, now);
         if steps.emergency_stop {
             self.bus.borrow().switch().emergency_stop();
@@ -279,13 +305,64 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             } else {
                 self.port.submit(&frame)
             };
+            #[cfg(feature = "record")]
+            self.server.recorder.sent(OUTGOING, &frame, submitted as u8);
             self.traffic.count(submitted);
         }
     }
 }
 
+#[cfg(feature = "record")]
+impl<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>> Recorded for Runner<'m, '_, P, B> {
+    fn motors(&self) -> u8 {
+        self.bus.borrow().recorded()
+    }
+
+    fn start_at(&mut self, first: Micros) {
+        self.begin_at(first);
+    }
+
+    fn save(&self, part: u8, to: &mut dyn FnMut(&[u8])) {
+        let bus = self.bus.borrow();
+        bus.save_part(part, to);
+        if part == BUS {
+            let Self { clock, traffic, recovery, last_start, health, took, .. } = self;
+            save(&(&bus.counters(), clock, traffic, recovery, last_start, health, took), to);
+        }
+    }
+
+    fn load(&mut self, part: u8, from: &[u8]) -> bool {
+        let bus = self.bus.borrow_mut();
+        let Some(rest) = bus.load_part(part, from) else { return false };
+        if part != BUS {
+            return true;
+        }
+        postcard::take_from_bytes(rest).is_ok_and(|(of, _)| {
+            let (counters, last_start, health, took);
+            (counters, self.clock, self.traffic, self.recovery, last_start, health, took) = of;
+            bus.set_counters(counters);
+            (self.last_start, self.health, self.took) = (last_start, health, took);
+            (self.prepared, self.due) = (false, self.clock.next() - LEAD);
+            true
+        })
+    }
+
+    #[cfg(not(target_os = "none"))]
+    fn show(&self, part: u8, to: &mut dyn core::fmt::Write) -> core::fmt::Result {
+        let bus = self.bus.borrow();
+        bus.show_part(part, to)?;
+        if part == BUS {
+            let Self { clock, traffic, recovery, last_start, health, took, .. } = self;
+            let own = (bus.counters(), clock, traffic, recovery, last_start, health, took);
+            write!(to, "{own:#?}")?;
+        }
+        Ok(())
+    }
+}
+
 /// Frames handed to the port so far, by what it did with them.
-#[derive(Default)]
+#[derive(Debug, Default)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 struct Traffic {
     submitted: u32,
     replaced: u32,

@@ -19,6 +19,7 @@ use crate::shaft::Shaft;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 enum Step {
     Off,
     /// Being switched on; this many echoes have come.
@@ -41,9 +42,13 @@ const CLEARING: Retry = Retry::new(0.0095, 10);
 
 /// One LK drive, commanded by torque current: all loops run here.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Lk {
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::drive"))]
     id: DriveId,
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::lk"))]
     model: Model,
+    #[cfg_attr(feature = "record", serde(skip))]
     commands: Commands,
     lane: usize,
     servo: Servo,
@@ -169,6 +174,7 @@ impl Motor for Lk {
     handed_on!(loops of [servo]);
     handed_on!(fault of [fault]);
     handed_on!(response of [pending]);
+    handed_on!(state but [id, model, commands]);
 
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.id.number().into() }

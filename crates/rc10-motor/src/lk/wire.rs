@@ -231,6 +231,7 @@ pub fn pack_multi_motor(raw: [i16; 4]) -> CanFrame {
 
 /// The measurement in the answer to every command that moves, and to [`Command::ReadMotion`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Motion {
     /// The command that this answers: `9C`, `A0` ..= `A8`.
     pub command: u8,

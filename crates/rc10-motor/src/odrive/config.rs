@@ -57,6 +57,7 @@ impl Control {
 
 /// Rates of the messages of an axis, Hz, as set in it; 0 for those it does not send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Rates {
     /// `09`: 1 ..= 1000, at least 200 to control by.
     pub estimates: u16,
@@ -106,6 +107,7 @@ impl Rates {
 
 /// The limits of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Limits {
     /// The output shaft's largest speed.
     pub speed: Rpm,

@@ -50,6 +50,7 @@ const SOFT_TICKS: u8 = 20;
 const CLEAR_TRIES: u8 = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 enum Step {
     Off,
     /// Idle; told how to understand its inputs, and to follow them.
@@ -59,6 +60,7 @@ enum Step {
 
 /// The input of the loops of an axis, and what they add to their own, of a motion that is known.
 #[derive(Clone, Copy, Debug, Default)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 struct Input {
     /// Velocity (turns a second) or position (turns).
     value: f32,
@@ -70,8 +72,10 @@ struct Input {
 
 /// One axis of an `ODrive`.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct ODrive {
     node: Node,
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::odrive"))]
     firmware: Firmware,
     rates: Rates,
     modes: (ControlMode, InputMode),
@@ -332,6 +336,7 @@ impl Motor for ODrive {
     handed_on!(supports, target, loops of [side]);
     handed_on!(fault of [fault]);
     handed_on!(response of [pending]);
+    handed_on!(state but [firmware]);
 
     fn name(&self) -> MotorName {
         MotorName { model: "ODrive", id: self.node.number().into() }

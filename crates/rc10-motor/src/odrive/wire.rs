@@ -34,6 +34,7 @@ const STEPS_PER_FEED_FORWARD: f32 = 1000.0;
 
 /// An axis on the bus: 0 ..= 63.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Node(u8);
 
 impl Node {
@@ -64,6 +65,7 @@ impl Node {
 
 /// The state of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct AxisState(u8);
 
 /// Names of the states, in order (0.5.6 `AxisState`, 0.6.7 from 11 on; 5 up to 0.5.1).
@@ -111,6 +113,7 @@ impl AxisState {
 
 /// The control mode of an axis: the loops that run (firmware 0.5.6 `ControlMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum ControlMode {
     /// None: a voltage, for gimbal motors.
     Voltage = 0,
@@ -124,6 +127,7 @@ pub enum ControlMode {
 
 /// The processing of an input before it reaches the loops (firmware 0.5.6 `InputMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum InputMode {
     /// Inputs are ignored.
     Inactive = 0,
@@ -277,6 +281,7 @@ pub struct Heartbeat {
 
 /// Position and velocity of an axis: message `09`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Estimates {
     /// Turns.
     pub position: f32,

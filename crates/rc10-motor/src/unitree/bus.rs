@@ -7,7 +7,7 @@ use rc10_time::{Micros, Timing};
 use super::rs485::{GoM8010, idle};
 use super::wire::line::{COMMAND_LEN, Parser, Reply, destination};
 use super::wire::{Address, Status};
-use crate::arm::ArmSwitch;
+use crate::arm::{ArmSwitch, Seen};
 use crate::can_ids::Clash;
 use crate::motor::{DriveMode, Link, Motor, Tick};
 use crate::motors::{AttachError, MotorId, Motors};
@@ -46,6 +46,13 @@ use crate::supervision::{Safety, count};
 /// seldom, and holds up the others by its time-out only: `docs/motors/unitree.md`, "Time".
 pub struct Rs485Bus<'m> {
     motors: Motors<'m, GoM8010, CAPACITY>,
+    pub(crate) line: Line,
+}
+
+/// What is on the line, and what is next.
+#[derive(Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Line {
     /// One for each motor, in the same order.
     polls: Vec<Poll, CAPACITY>,
     reply_timeout: Micros,
@@ -60,6 +67,7 @@ pub struct Rs485Bus<'m> {
 }
 
 #[derive(Clone, Copy, Debug, Default)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 struct Poll {
     /// Not polled since the last tick.
     is_due: bool,
@@ -72,6 +80,8 @@ struct Poll {
 }
 
 /// A command on its way whose reply has not come.
+#[derive(Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 struct Polled {
     motor: MotorId,
     at: Micros,
@@ -97,6 +107,7 @@ pub enum Step {
 /// The exchanges and errors of a bus. Counters stay at their largest value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Rs485Counters {
     /// Commands with a reply.
     pub exchanges: u32,
@@ -152,13 +163,15 @@ impl<'m> Rs485Bus<'m> {
     pub const fn new(switch: &'m ArmSwitch) -> Self {
         Self {
             motors: Motors::new(switch),
-            polls: Vec::new(),
-            reply_timeout: Self::REPLY_TIMEOUT,
-            parser: Parser::new(),
-            polled: None,
-            turn: 0,
-            owed: 0,
-            counters: Rs485Counters::NEW,
+            line: Line {
+                polls: Vec::new(),
+                reply_timeout: Self::REPLY_TIMEOUT,
+                parser: Parser::new(),
+                polled: None,
+                turn: 0,
+                owed: 0,
+                counters: Rs485Counters::NEW,
+            },
         }
     }
 
@@ -172,7 +185,7 @@ impl<'m> Rs485Bus<'m> {
         let value = Seconds::from_micros(timeout.get()).get() * 1e6;
         let good = allowed.contains(&timeout);
         ConfigError::check(good, "reply_timeout", value, "100 to 1000 us")?;
-        self.reply_timeout = timeout;
+        self.line.reply_timeout = timeout;
         Ok(self)
     }
 
@@ -195,24 +208,24 @@ impl<'m> Rs485Bus<'m> {
         }
         let motor = self.motors.attach(motor, safety, Self::LINK_TIMEOUT)?;
         // As much room as for motors.
-        let _ = self.polls.push(Poll::default());
+        let _ = self.line.polls.push(Poll::default());
         Ok(motor)
     }
 
     /// The next step on the bus. After [`Step::Send`] ask again at once for how long to wait.
     pub fn poll(&mut self, now: Micros) -> Step {
-        if let Some(Polled { at, .. }) = self.polled {
-            let until = at + self.reply_timeout;
+        if let Some(Polled { at, .. }) = self.line.polled {
+            let until = at + self.line.reply_timeout;
             if now < until {
                 return Step::Wait(until);
             }
-            self.polled = None;
-            count(&mut self.counters.timeouts);
-            self.owed = self.polls.len();
+            self.line.polled = None;
+            count(&mut self.line.counters.timeouts);
+            self.line.owed = self.line.polls.len();
         }
         let next = self.next(now);
         let command = next.and_then(|motor| self.motors.get(motor)).map(GoM8010::pack_command);
-        let poll = next.and_then(|motor| self.polls.get_mut(motor.index()));
+        let poll = next.and_then(|motor| self.line.polls.get_mut(motor.index()));
         let (Some(motor), Some(command), Some(poll)) = (next, command, poll) else {
             return Step::Wait(now + IDLE);
         };
@@ -224,28 +237,28 @@ impl<'m> Rs485Bus<'m> {
 
     /// A command to a motor begins.
     fn begin(&mut self, motor: MotorId, now: Micros) {
-        let Some(poll) = self.polls.get_mut(motor.index()) else { return };
+        let Some(poll) = self.line.polls.get_mut(motor.index()) else { return };
         let last = poll.polled_at.replace(now);
         if let Some(last) = last.filter(|_| poll.is_heard) {
-            self.counters.cycle.add(now.since(last));
+            self.line.counters.cycle.add(now.since(last));
         }
-        self.polled = Some(Polled { motor, at: now });
+        self.line.polled = Some(Polled { motor, at: now });
         // What came before the command is no part of its reply.
-        self.parser.clear();
+        self.line.parser.clear();
     }
 
     /// Takes a command of another host at `now`: for a program that only listens. A command before
     /// it without a reply counts as a [time-out](Rs485Counters::timeouts).
     pub fn overhear(&mut self, command: &[u8; COMMAND_LEN], now: Micros) {
         let Some(address) = destination(command) else { return };
-        if self.polled.take().is_some() {
-            count(&mut self.counters.timeouts);
+        if self.line.polled.take().is_some() {
+            count(&mut self.line.counters.timeouts);
         }
         let addressed = self.motors.iter().position(|motor| motor.address() == address);
         if let Some(motor) = addressed.and_then(|index| self.motors.ids().nth(index)) {
             // No tick has looked.
             let is_heard = self.motors.is_online(motor, now);
-            if let Some(poll) = self.polls.get_mut(motor.index()) {
+            if let Some(poll) = self.line.polls.get_mut(motor.index()) {
                 poll.is_heard = is_heard;
             }
             self.begin(motor, now);
@@ -255,12 +268,12 @@ impl<'m> Rs485Bus<'m> {
     /// The motor to poll now. One walk past all: it stands between a reply and the next command.
     fn next(&mut self, now: Micros) -> Option<MotorId> {
         let (mut heard, mut due, mut first_due, mut absent) = (0, None, None, None);
-        for (motor, poll) in self.motors.ids().zip(&self.polls) {
+        for (motor, poll) in self.motors.ids().zip(&self.line.polls) {
             if poll.is_heard {
                 heard += 1;
                 if poll.is_due {
                     first_due = first_due.or(Some(motor));
-                    if motor.index() >= self.turn {
+                    if motor.index() >= self.line.turn {
                         due = due.or(Some(motor));
                     }
                 }
@@ -273,27 +286,27 @@ impl<'m> Rs485Bus<'m> {
                 absent = Some((motor, key));
             }
         }
-        self.owed = self.owed.min(heard);
-        if let Some((motor, _)) = absent.filter(|_| self.owed == 0) {
+        self.line.owed = self.line.owed.min(heard);
+        if let Some((motor, _)) = absent.filter(|_| self.line.owed == 0) {
             return Some(motor);
         }
         let motor = due.or(first_due)?;
-        self.turn = motor.index() + 1;
-        self.owed = self.owed.saturating_sub(1);
+        self.line.turn = motor.index() + 1;
+        self.line.owed = self.line.owed.saturating_sub(1);
         Some(motor)
     }
 
     /// Takes bytes that have arrived by `now`, in any portions.
     pub fn on_bytes(&mut self, bytes: &[u8], now: Micros) {
         for &byte in bytes {
-            if let Some(reply) = self.parser.push(byte) {
+            if let Some(reply) = self.line.parser.push(byte) {
                 self.hear(&reply, now);
             }
         }
     }
 
     fn hear(&mut self, reply: &Reply, now: Micros) {
-        let Self { polled, motors, polls, counters, .. } = self;
+        let Self { motors, line: Line { polled, polls, counters, .. } } = self;
         let expected = polled.as_ref().and_then(|polled| motors.get(polled.motor));
         if expected.is_none_or(|motor| motor.address() != reply.address) {
             return count(&mut counters.unexpected);
@@ -311,8 +324,12 @@ impl<'m> Rs485Bus<'m> {
 
     /// One tick: decides, computes, and gives turns. `dt`: 10 ms at most; 1 ms if not above zero.
     pub fn tick(&mut self, now: Micros, dt: Seconds) {
-        let Self { motors, polls, .. } = self;
-        motors.tick(now, dt, |index, _, &Tick { mode, link, .. }| {
+        self.tick_as(self.switch().seen(), now, dt);
+    }
+
+    pub(crate) fn tick_as(&mut self, seen: Seen, now: Micros, dt: Seconds) {
+        let Self { motors, line: Line { polls, .. } } = self;
+        motors.tick(seen, now, dt, |index, _, &Tick { mode, link, .. }| {
             if let Some(poll) = polls.get_mut(index) {
                 poll.is_due = true;
                 poll.is_heard = link == Link::Online;
@@ -330,7 +347,7 @@ impl<'m> Rs485Bus<'m> {
 
     /// The exchanges and errors of this bus.
     pub const fn counters(&self) -> Rs485Counters {
-        let (crc_errors, garbage) = (self.parser.crc_errors(), self.parser.skipped());
-        Rs485Counters { crc_errors, garbage, ..self.counters }
+        let (crc_errors, garbage) = (self.line.parser.crc_errors(), self.line.parser.skipped());
+        Rs485Counters { crc_errors, garbage, ..self.line.counters }
     }
 }

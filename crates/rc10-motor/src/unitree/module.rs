@@ -46,6 +46,7 @@ use crate::target::{Impedance, Target};
 
 /// A GO-M8010-6 behind a CAN-to-485 module.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct GoModule {
     module: Module,
     address: Address,
@@ -107,6 +108,7 @@ impl GoModule {
 impl Motor for GoModule {
     handed_on!(supports, set_target, target, loops of [actuator.servo]);
     handed_on!(fault of [actuator.fault]);
+    handed_on!(state but []);
 
     fn name(&self) -> MotorName {
         ModuleConfig::new(self.module.get(), self.address.get()).name()

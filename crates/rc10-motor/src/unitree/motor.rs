@@ -10,6 +10,7 @@ use crate::shaft::Shaft;
 
 /// A motor with gearbox and controller on any link: reports to feedback, targets to motions.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Actuator {
     pub(super) shaft: Shaft,
     pub(super) servo: Servo,

@@ -16,6 +16,7 @@ use crate::request::{Request, RequestError, Response};
 /// What each target does, and each fault: `docs/motors/unitree.md`. It starts softly after a loss;
 /// its turns are estimated then ([`Feedback::turn_gaps`]).
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct GoM8010 {
     address: Address,
     actuator: Actuator,
@@ -89,6 +90,7 @@ impl Motor for GoM8010 {
     handed_on!(supports, set_target, target, loops of [actuator.servo]);
     handed_on!(fault of [actuator.fault]);
     handed_on!(response of [pending]);
+    handed_on!(state but []);
 
     fn name(&self) -> MotorName {
         MotorName { model: "GO-M8010-6", id: self.address.get().into() }

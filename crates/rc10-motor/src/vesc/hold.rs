@@ -11,6 +11,7 @@ const SLIP: f32 = 1.5;
 /// is braked first, and again if it slips. A weight that pulls on at low speed sinks on the brake:
 /// a field that does not catch it would let it fall.
 #[derive(Clone, Copy, Debug, Default)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Hold {
     /// The field stands; else the shaft is braked.
     locks: bool,

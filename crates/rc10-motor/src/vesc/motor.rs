@@ -38,7 +38,9 @@ const COAST: Command = Command::Current(Amps::ZERO);
 
 /// A VESC. See the [module's documentation](super) for what each target becomes.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Vesc {
+    #[cfg_attr(feature = "record", serde(skip, default = "crate::record::any::vesc"))]
     config: Config,
     id: VescId,
     /// The command frames' stream.
@@ -78,6 +80,7 @@ pub struct Vesc {
 
 /// The newest measurement, as the VESC counts it; NaN where it was not told.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Reported {
     pub(super) speed: ElectricalRpm,
     /// Positive for positive torque, A.
@@ -383,6 +386,7 @@ fn torque_current(current: f32, duty: f32, speed: ElectricalRpm) -> f32 {
 
 impl Motor for Vesc {
     handed_on!(supports, target of [goals]);
+    handed_on!(state but [config]);
 
     fn name(&self) -> MotorName {
         self.config.name()

@@ -21,6 +21,7 @@ const NOTHING: f32 = 0.05;
 
 /// The signs by which the [`Condition`] of a VESC is known.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Watch {
     is_slow_by_design: bool,
     is_online: bool,

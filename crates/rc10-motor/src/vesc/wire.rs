@@ -12,6 +12,7 @@ use crate::not_a_number::NotANumber;
 
 /// The number a VESC is set to: 0 ..= 254.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct VescId(u8);
 
 /// The id that every VESC listens to.
@@ -170,6 +171,7 @@ const INPUT_PER_STEP: f32 = 1.0 / 1e3;
 ///
 /// A VESC holds values beyond its own limits to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub enum Command {
     /// Share of the supply voltage, -1 ..= 1. 0 shorts the motor: it brakes.
     Duty(f32),

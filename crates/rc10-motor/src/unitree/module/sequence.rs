@@ -3,6 +3,7 @@ use crate::unitree::wire::{RawImpedance, RawMotion, Status};
 
 /// The enabling of a motor: a frame a tick, each step on a reply, repeated until that comes.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Sequence {
     step: Step,
     /// The gains written to the module last.
@@ -12,6 +13,7 @@ pub(super) struct Sequence {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 enum Step {
     /// Locked; whether the motor has reported anything since.
     Polling { answered: bool },

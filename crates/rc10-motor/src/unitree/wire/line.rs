@@ -37,6 +37,7 @@ pub fn crc(bytes: &[u8]) -> u16 {
 
 /// A command to one motor, or with [`Address::BROADCAST`] to all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Command {
     /// The motor it is for.
     pub address: Address,
@@ -170,6 +171,7 @@ pub enum ReplyError {
 /// assert_eq!(replies[0].motion.torque, 192); // 0.75 N m at the rotor
 /// ```
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Parser {
     /// The first `len` of them begin like a reply; fewer than sixteen between calls.
     bytes: [u8; REPLY_LEN],

@@ -13,6 +13,7 @@ use crate::feedback::Fault;
 
 /// A motor on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Address(u8);
 
 impl Address {
@@ -35,6 +36,7 @@ impl Address {
 ///
 /// Motors may report one of the five values that have no name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Status(u8);
 
 impl Status {

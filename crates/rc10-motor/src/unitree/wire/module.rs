@@ -33,6 +33,7 @@ pub(in crate::unitree) const NO_TEMPERATURE: i8 = -128;
 
 /// A module on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct Module(u8);
 
 impl Module {

@@ -64,6 +64,7 @@ pub struct Impedance {
 
 /// τ, ω and θ of the rotor as they stand in commands and replies of both links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct RawMotion {
     /// In 1/256 N m.
     pub torque: i16,
@@ -75,6 +76,7 @@ pub struct RawMotion {
 
 /// `k_pos` and `k_spd` of the rotor as they stand in frames of both links, in steps of 1/1280.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "record", derive(serde::Serialize, serde::Deserialize))]
 pub struct RawImpedance {
     /// `k_pos` in 1/1280 N m / rad.
     pub stiffness: u16,
