@@ -33,7 +33,10 @@ fn record_on(name: &str, length: u64, judge: impl FnOnce(&mut Emulation<'_>, Rec
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn its_program_is_built_by_its_own_command() {
     let build = lift::Robot::description().firmware.unwrap();
-    assert_eq!(std::fs::read(build(None).unwrap()).unwrap(), program("lift-firmware"));
+    assert_eq!(
+        std::fs::read(build(Default::default()).unwrap()).unwrap(),
+        program("lift-firmware")
+    );
 }
 
 /// True heights of the lift's shafts above their bottoms, degrees.

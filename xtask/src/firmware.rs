@@ -51,10 +51,20 @@ pub fn build_with(package: &str, board: Option<&str>, rustc: Option<&Path>) -> R
     Ok(own)
 }
 
+/// Robots whose programs are built with a black box, too.
+const WITH_BLACK_BOX: [&str; 5] =
+    [TEAM, "omni-firmware", "lift-firmware", "swerve-firmware", "mixed-firmware"];
+
 /// Builds everything that `emulate` runs; says where the team's ELF file is.
 pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
     for package in ON_DM_MC02 {
         build_with(package, Some(DM_MC02), rustc)?;
+    }
+    for package in WITH_BLACK_BOX {
+        let build = format!("build --release --package {package} --features rc10-board/black-box");
+        run(&mut chip(&build, rustc))?;
+        fs::copy(elf(package), elf(&format!("{package}-black-box")))
+            .with_context(|| format!("cannot copy {package}"))?;
     }
     for package in robots()?.into_iter().chain(["interop", "selftest"].map(str::to_owned)) {
         build_with(&package, None, rustc)?;

@@ -9,6 +9,8 @@
 #[cfg(feature = "stm32h723")]
 mod stm32h723;
 
+#[cfg(feature = "black-box")]
+pub use stm32h723::black_box;
 #[cfg(feature = "usb")]
 pub use stm32h723::usb;
 #[cfg(feature = "stm32h723")]

@@ -97,6 +97,7 @@ macro_rules! program {
                 shared.bus_cycles = Some(&TICKS);
                 let shared = &*shared;
                 robot::check_chip(&shared.switch);
+                robot::record(shared.ports);
                 let kept = robot::kept(&shared.switch, Robot::MUST_HAVE);
                 let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
                 let mut lines = $robot::__parts!([$crate::motor_lines] shared);

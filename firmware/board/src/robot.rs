@@ -263,6 +263,63 @@ fn runner(
     Runner::new(can, motors, shared, rc10_message::now())
 }
 
+/// Records what reaches the ticks of a robot's buses and lines, for `rc10 replay`. What an earlier run has left of a crash
+/// stays until the robot has been armed twice.
+#[cfg(feature = "black-box")]
+pub fn record<N>(ports: PortsOf<'static, N>) {
+    use rc10_bsp::black_box::RC10_BLACK_BOX as RING;
+    use rc10_motor::record::{FIRST_LINE, Sink, TICK};
+
+    struct BlackBox;
+    /// Number of times that it must still be armed, and in the top bit whether it is.
+    static HELD: AtomicU32 = AtomicU32::new(0);
+    const IS_ARMED: u32 = 1 << 31;
+
+    impl Sink for BlackBox {
+        fn put(&self, entry: &[u32]) {
+            let held = HELD.load(Ordering::Relaxed);
+            if held == 0 {
+                return RING.put(entry);
+            }
+            // Only of bus 1 or line 1: each has the same switch.
+            if let [kind, 0, _, arm] = entry[0].to_le_bytes()
+                && kind == TICK
+                && (arm == 1) != (held & IS_ARMED != 0)
+            {
+                let held = if arm == 1 { (held - 1) | IS_ARMED } else { held & !IS_ARMED };
+                let is_over = held & !IS_ARMED == 0;
+                HELD.store(if is_over { 0 } else { held }, Ordering::Relaxed);
+                if is_over {
+                    RING.clear();
+                }
+            }
+        }
+
+        fn is_proof(&self) -> bool {
+            RING.is_proof()
+        }
+    }
+
+    if RING.is_proof() && RING.is_kept() {
+        // The test bench takes it all, over every start.
+    } else if has_crashed() && RING.is_kept() {
+        HELD.store(2, Ordering::Relaxed);
+        defmt::info!("what happened before the crash is kept until the robot is armed twice");
+    } else {
+        RING.clear();
+    }
+    for (place, port) in (0..).zip(ports.buses) {
+        port.record(&BlackBox, place);
+    }
+    for (place, port) in (FIRST_LINE..).zip(ports.lines) {
+        port.record(&BlackBox, place);
+    }
+}
+
+/// Nothing is recorded.
+#[cfg(not(feature = "black-box"))]
+pub const fn record<N>(_: PortsOf<'static, N>) {}
+
 /// The first buses of the board, started: as many as the robot has.
 #[must_use]
 pub fn start_buses<const BUSES: usize>(
