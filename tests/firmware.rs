@@ -55,6 +55,8 @@ mod phases;
 mod priorities;
 #[path = "firmware/remote.rs"]
 mod remote;
+#[path = "firmware/replay.rs"]
+mod replay;
 #[path = "firmware/selftest.rs"]
 mod selftest;
 #[path = "firmware/sequences.rs"]

@@ -212,3 +212,38 @@ fn module_page_and_a_program_are_at_most_three_megabytes() {
     println!("{} bytes, {elf} of them the largest program", rest + elf);
     assert!(rest > 1_000_000 && rest + elf <= 3_000_000, "{rest} {elf}");
 }
+
+/// The state after every tick is the same on three processors: the emulated chip's, this one's, and WebAssembly's.
+#[test]
+#[ignore = "needs the folder"]
+fn what_the_chip_recorded_is_replayed_in_webassembly_bit_for_bit() {
+    let folder = PathBuf::from(std::env::var_os("RC10_WEB").expect("cargo xtask web makes it"));
+    let files = Scratch::new("web-replay");
+    let team = |words: &[&str]| {
+        let mut out = Vec::new();
+        let words = ["rc10"].iter().chain(words);
+        let robot = robot_for_good::<team::Robot>().unwrap();
+        let code = CommandLine::parse(words).unwrap().run_to(robot, &mut out).unwrap();
+        assert_eq!(code, 0);
+        String::from_utf8(out).unwrap()
+    };
+    let path = |name: &str| files.join(name).display().to_string();
+    // With its own build of the firmware, which has a black box.
+    for (how, name) in [("emu", "chip.mcap"), ("run", "sim.mcap")] {
+        let [record, out] = [path(name), path("out")];
+        team(&[how, "--seconds", "2", "--record", &record, "--out", &out]);
+        let own = team(&["replay", &record]);
+        let node = Command::new("node")
+            .args(["--no-warnings", "tests/node/replay.mjs"])
+            .arg(folder.join("rc10.wasm"))
+            .arg(&*files)
+            .args(["team", "replay", &format!("/{name}")])
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&node.stdout);
+        println!("{said}");
+        assert!(own.starts_with("equal: ") && own.lines().count() == 1, "{own}");
+        assert_eq!(said, own, "{}", String::from_utf8_lossy(&node.stderr));
+    }
+}

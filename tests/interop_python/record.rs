@@ -85,3 +85,53 @@ fn compare(run: &Recording, topics: &Value) {
     assert_eq!(topics["/events"]["last"]["at"], last.at.get() * 1000);
     assert_eq!(topics["/robot"]["last"]["arm"], 1.0);
 }
+
+/// FNV-1a, 64 bits.
+fn mix(hash: u64, bytes: &[u8]) -> u64 {
+    bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3))
+}
+
+/// What reached the ticks, read by the page's words alone: the frames that were on the wires, with their times.
+#[test]
+fn python_finds_the_same_inputs() {
+    let Some(python) = python() else { return };
+    let folder = Scratch::new("inputs");
+    let path = folder.join("run.mcap");
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let mut robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
+    robot.record_inputs();
+    let record = RecordWriter::new(&path, false, &heading(&robot, 4)).unwrap();
+    let run = simulate_into(robot, 4, LENGTH, Some(record)).unwrap();
+    let printed = must_succeed(Command::new(python).arg(script("read_inputs.py")).arg(&path));
+    let found: Value = serde_json::from_str(&printed).unwrap();
+    for (place, bus) in run.buses.iter().enumerate() {
+        let found = &found[place.to_string()];
+        // DJI's motors are commanded with these; all others are theirs.
+        let is_theirs = |line: &&str| {
+            let (id, _) = line.rsplit_once(' ').unwrap().1.split_once('#').unwrap();
+            !["1FE", "1FF", "200", "2FE", "2FF"].contains(&id)
+        };
+        let heard: Vec<_> = bus.log.lines().filter(is_theirs).collect();
+        let count = usize::try_from(found["frames"].as_u64().unwrap()).unwrap();
+        // What came behind the last tick was not taken.
+        assert!(count > 1000 && heard.len() - count < 20, "{count} of {}", heard.len());
+        let times = found["times"].as_array().unwrap();
+        let hash = heard[..count].iter().zip(times).fold(0, |hash, (line, began)| {
+            let (at, frame) = (line.split_once(')').unwrap().0, line.rsplit_once(' ').unwrap().1);
+            let at: f64 = at.trim_start_matches('(').parse().unwrap();
+            // The log has the end of a frame, the port its begin.
+            let took = (at * 1e6).round() - began.as_f64().unwrap();
+            assert!((100.0..140.0).contains(&took), "{line}: {took}");
+            let (id, data) = frame.split_once('#').unwrap();
+            let key = u32::from_str_radix(id, 16).unwrap().to_le_bytes();
+            let data = u64::from_str_radix(data, 16).unwrap().to_be_bytes();
+            mix(mix(mix(hash, &key), &[8]), &data)
+        });
+        assert_eq!(found["hash"].as_u64(), Some(hash), "bus {}", place + 1);
+        let [ticks, halves] = [u64::from(bus.last.ticks), found["halves"].as_u64().unwrap()];
+        assert!((2 * ticks).abs_diff(halves) <= 1, "{ticks} {halves}");
+        let given = found["given"].as_object().unwrap();
+        assert!(given.len() > 2 && given.values().all(|it| it.as_object().unwrap().len() == 1));
+    }
+}

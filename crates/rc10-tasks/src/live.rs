@@ -48,6 +48,7 @@ use kept::Order;
 pub use kept::{Kept, KeptState};
 pub use own::{Contact, Live, Mechanism, Parameter, Signal};
 pub(crate) use parameters::changed;
+pub use parameters::request_to_set;
 use parameters::{Change, Refusal, parameter, parameters, set};
 use signals::{sample, signal, signals, signals_of};
 

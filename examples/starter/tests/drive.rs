@@ -4,7 +4,7 @@ use rc10::motor::Link;
 use rc10::prelude::*;
 use rc10::sim::judge::problems;
 use rc10::sim::recording::problem::any;
-use rc10::sim::{Simulated, simulated};
+use rc10::sim::{Simulated, replayed, simulated};
 use starter::{Name, Robot};
 
 #[test]
@@ -19,4 +19,10 @@ fn it_drives_forward_and_has_no_problems() {
     // 3.0 s: the feeder turns.
     let feeder = run.motors[Name::Feeder.index()].samples[299].rpm;
     assert!((feeder - 200.0).abs() < 10.0, "{feeder} rpm");
+}
+
+#[test]
+fn it_is_the_same_twice_and_can_be_replayed() {
+    let same = replayed::<Robot>(1, Micros::from_millis(5000));
+    assert!(same.is_ok(), "{}", same.unwrap_err());
 }

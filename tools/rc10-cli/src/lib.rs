@@ -27,6 +27,7 @@ pub mod lang;
 pub mod live;
 pub mod record;
 pub mod recording;
+pub mod replay;
 pub mod robot;
 pub mod run;
 pub mod show;
@@ -65,6 +66,7 @@ use crate::live::commands::{
 use crate::live::device::DeviceArgs;
 use crate::live::page::LiveArgs;
 use crate::live::web::Web;
+use crate::replay::command::{ReplayArgs, replay as replay_record};
 use crate::run::simulate::simulate;
 use crate::tune::command::{TuneArgs, tune as tune_motor};
 use commands::decode::DecodeArgs;
@@ -122,6 +124,8 @@ enum Command {
     Tune(TuneArgs),
     /// Makes the report of a record, or of captures of the robot's buses
     Report(ReportArgs),
+    /// Runs a record again through the robot's own code, and compares it bit for bit
+    Replay(ReplayArgs),
     /// Names what is wrong with a robot that runs, or was recorded: the likeliest cause first, and what to do
     Doctor(DoctorArgs),
     /// Writes a record as CSV files
@@ -200,6 +204,7 @@ impl CommandLine {
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
             Command::Tune(args) => tune_motor(&args, robot, out).map(|()| 0)?,
             Command::Report(args) => strict(args.strict, report(&args, robot, out)?),
+            Command::Replay(args) => strict(true, replay_record(&args, robot, out)?),
             Command::Doctor(args) => strict(args.strict, doctor(&args, robot, out)?),
             Command::Csv(args) => csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {
@@ -261,6 +266,13 @@ pub fn main_for(
 pub fn main_of<P: Simulated>() -> ExitCode {
     let description = P::description();
     main_for(&description, |command| {
+        if let CommandLine(Command::Replay(ReplayArgs { check: true, seed, seconds, .. })) = command
+        {
+            return Ok(match replayed::<P>(seed, seconds) {
+                Ok(told) => (println!("{told}"), ExitCode::SUCCESS).1,
+                Err(error) => (println!("{error:#}"), ExitCode::from(3)).1,
+            });
+        }
         with::<P, _>(|shared, motors| {
             command.run(Robot::of::<P>(P::description(), shared, motors)?)
         })
@@ -278,6 +290,25 @@ pub fn simulated<P: Program>(
 ) -> anyhow::Result<Recording> {
     with::<P, _>(|shared, motors| {
         simulate(Robot::of::<P>(description, shared, motors)?, seed, time)
+    })
+}
+
+/// Simulates the robot of a program in its own world of this seed twice, and replays what reached its buses: a line that
+/// says that all is the same, bit for bit. For a robot's tests: a clock, a random number or the order of a `HashMap` in a
+/// task is found by it.
+///
+/// # Errors
+/// Those of [`Robot::of`] and of [`simulate`]; or what differs first, when and where.
+pub fn replayed<P: Simulated>(seed: u64, time: Micros) -> anyhow::Result<String> {
+    let run = || {
+        with::<P, _>(|shared, motors| {
+            replay::check::inputs_of(robot_of::<P>(shared, motors)?, seed, time)
+        })
+    };
+    let (first, second) = (run()?, run()?);
+    with::<P, _>(|shared, motors| {
+        let told = replay::check::compare(&first, &second, robot_of::<P>(shared, motors)?)?;
+        Ok(replay::command::equal(&told))
     })
 }
 

@@ -125,6 +125,13 @@ impl Part {
     }
 }
 
+/// The request that sets a motor's parameter by its name, and puts it into `tuning`; `None` for another name.
+pub fn request_to_set(name: &str, value: f32, tuning: &mut Tuning) -> Option<Request> {
+    let field = MOTOR.iter().find(|field| field.name == name)?;
+    *(field.get)(tuning) = value;
+    Some(field.part.request(tuning))
+}
+
 /// How many of a motor's parameters differ from the table.
 pub(crate) fn changed([mut declared, mut now]: [Tuning; 2]) -> usize {
     let differs = |it: &&Field| (it.get)(&mut declared).to_bits() != (it.get)(&mut now).to_bits();

@@ -78,6 +78,9 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
         tell(format!("the bus logs will take some {size} MB in {folder}; --no-logs writes none"));
     }
     let started = Instant::now();
+    if args.record.is_some() {
+        robot.record_inputs();
+    }
     let record = |path: &PathBuf| RecordWriter::new(path, args.force, &heading(&robot, args.seed));
     let record = args.record.as_ref().map(record).transpose()?;
     let origin = Origin::now(&robot.description().name);

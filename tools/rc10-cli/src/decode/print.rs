@@ -8,9 +8,10 @@ use rc10_motor::dji::{Effort, Model};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::{Message, Presence, Signal};
 use rc10_motor::{FrameError, MotorStatus};
+use rc10_time::Micros;
 use serde_json::{Value, json};
 
-use super::{Decoder, Lane, Meaning, Summary};
+use super::{Decoder, Lane, Meaning, Summary, known_on};
 use crate::formats::candump::{self, CandumpLine, SecondsOf};
 use crate::recording::sample::rounded;
 use crate::robot::description::Description;
@@ -141,6 +142,15 @@ fn signal_text((signal, value, name): (&Signal, f64, Option<&'static str>)) -> S
         (None, "") => format!("{} {}", signal.name, rounded(value, 3)),
         (None, unit) => format!("{} {} {unit}", signal.name, rounded(value, 3)),
     }
+}
+
+/// What a frame of a bus says; the first bus is 1.
+pub(crate) fn said(robot: &Description, bus: u8, frame: &CanFrame) -> String {
+    let messages = (1..=robot.buses).map(|bus| known_on(robot, bus)).collect();
+    let mut decoder = Decoder { robot, messages, buses: Vec::new(), newest: Micros::ZERO };
+    let line = CandumpLine { at: None, channel: "", frame: *frame, direction: None };
+    let meaning = decoder.decode(bus, &line);
+    text(&Columns { label: 0, device: 0 }, &line, &meaning)
 }
 
 fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> String {

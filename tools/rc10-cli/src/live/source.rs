@@ -15,6 +15,7 @@ use crate::live::line::{RobotConnection, Source};
 use crate::live::port::{Port, open_port, with_limits};
 use crate::live::reach::{self, LocalRobot};
 use crate::live::shared::Shared;
+use crate::robot::build::Wanted;
 use crate::run::board::program;
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
@@ -284,7 +285,7 @@ fn emulated<'r>(
     args: &SourceArgs,
 ) -> Result<(Emulation<'r>, PathBuf)> {
     robot.fit(false)?;
-    let (path, program) = program(elf.as_deref(), robot.description(), None)?;
+    let (path, program) = program(elf.as_deref(), robot.description(), Wanted::default())?;
     let console = Some(args.running.baud_of(&robot));
     let Injected { faults, mistakes } = args.injected.clone();
     let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };

@@ -52,6 +52,9 @@ pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
 pub(crate) const EVENTS: &str = "/events";
 pub(crate) const EVENT: (&str, &str) = ("rc10/msg/Event", "string label\n");
 
+/// The topic of what reached the ticks of its buses, and the schema: words of [`rc10_motor::record`].
+pub(crate) const INPUTS: &str = "/inputs";
+
 /// A message of a text.
 pub(crate) fn text(label: &str) -> Vec<u8> {
     let mut bytes = CDR.to_vec();
@@ -311,6 +314,15 @@ impl RecordWriter {
         self.write(About::Pose, now, &moment.robot)
     }
 
+    /// Writes what reached the ticks; fails if the file cannot be written.
+    pub(crate) fn inputs(&mut self, now: Micros, words: &[u32]) -> Result<()> {
+        self.bytes.clear();
+        self.bytes.extend(CDR);
+        self.bytes.extend((words.len() as u32).to_le_bytes());
+        self.bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+        self.file.put_bytes(self.channels[&About::Inputs], now, &self.bytes)
+    }
+
     fn write<T: Seen>(&mut self, about: About, now: Micros, it: &T) -> Result<()> {
         self.write_some(about, now, 0..T::FIELDS.len(), it)
     }
@@ -409,6 +421,7 @@ pub(crate) enum About {
     Remote,
     Loss,
     Event,
+    Inputs,
 }
 
 impl About {
@@ -429,6 +442,7 @@ impl About {
             Self::Remote => ("/remote", "Remote", all::<RemoteLook>()),
             Self::Loss => ("/remote/losses", "Loss", all::<Loss>()),
             Self::Event => (EVENTS, "Event", EVENT.1.into()),
+            Self::Inputs => (INPUTS, "Inputs", "uint32[] words\n".into()),
         }
     }
 }
@@ -449,7 +463,8 @@ pub(crate) fn topics(description: &Description, signals: &[Signal<'_>]) -> Resul
         .chain(each((*buses).into(), About::Bus))
         .chain(each(lines.len(), About::Line))
         .chain(each(serials.len(), About::Part))
-        .chain([About::Robot, About::Pose, About::Remote, About::Loss, About::Event]);
+        .chain([About::Robot, About::Pose, About::Remote, About::Loss, About::Event])
+        .chain([About::Inputs]);
     let mut all: Vec<Topic> = Vec::new();
     for about in abouts {
         let number = |at: usize| (at + 1).to_string();

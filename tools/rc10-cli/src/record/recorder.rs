@@ -208,6 +208,12 @@ impl<'d> Recorder<'d> {
         self.take_sample(now, moment)
     }
 
+    /// Takes what reached the ticks since the last sample; fails if the record cannot be written.
+    pub fn inputs(&mut self, now: Micros, words: &[u32]) -> Result<()> {
+        let record = self.record.0.as_mut().filter(|_| !words.is_empty());
+        record.map_or(Ok(()), |record| record.inputs(now, words))
+    }
+
     /// Takes a recorded sample; fails if the record cannot be written.
     pub fn take_sample(&mut self, now: Micros, moment: Moment) -> Result<()> {
         self.motors.iter_mut().for_each(MotorRecorder::sample);

@@ -197,7 +197,11 @@ fn prepare<'t>(robot: &mut Robot<'_>, text: &impl Fn(&str) -> &'t str) -> Result
     robot.set_mistakes(&mistakes.context("its mistakes")?)
 }
 
-fn is_of(robot: &Robot<'_>, found: &BTreeMap<String, BTreeMap<String, String>>) -> Result<()> {
+/// Whether a record's topics are those of a robot; the error says what is not.
+pub(crate) fn is_of(
+    robot: &Robot<'_>,
+    found: &BTreeMap<String, BTreeMap<String, String>>,
+) -> Result<()> {
     let own = &robot.description().motors;
     for motor in own {
         let Some(map) = found.get(&topic("motors", motor.label)) else {
@@ -303,7 +307,7 @@ impl<'d> Replay<'d> {
         let own = if source.is_told() { signals } else { &[][..] };
         let topics = topics(description, own)?.into_iter();
         let names = topics.map(|(name, (about, _))| (name, about));
-        let names = names.filter(|(_, about)| *about != About::Event).collect();
+        let names = names.filter(|(_, it)| ![About::Event, About::Inputs].contains(it)).collect();
         Ok(Self {
             recorder: Recorder::new(description, seed, loops, &around.motors, source)
                 .with_own(own, source.is_told() && heading.is_some()),
@@ -449,7 +453,7 @@ impl<'d> Replay<'d> {
             About::Pose => robot,
             About::Remote => remote.get_or_insert_default(),
             About::Loss => &mut self.loss,
-            About::Window(_) | About::Signal(_) | About::Event => &mut self.single,
+            About::Window(_) | About::Signal(_) | About::Event | About::Inputs => &mut self.single,
         }
     }
 

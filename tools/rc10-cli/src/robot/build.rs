@@ -9,7 +9,7 @@ use rc10_emu::Board;
 
 /// Builds the firmware in the folder `firmware` of a robot's own repository, for a board or for its
 /// own; returns the path of the ELF file. Fails if there is no program, or the build does.
-pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathBuf> {
+pub fn build_firmware_in(repository: &str, wanted: Wanted) -> Result<PathBuf> {
     let folder = Path::new(repository).join("firmware");
     let place = folder.display();
     ensure!(folder.is_dir(), "there is no {place} to build: say which ELF file to run");
@@ -18,8 +18,10 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
     let has_own = folder.join(".cargo").is_dir() || !Path::new(&shared).is_file();
     let settings: &[&str] = if has_own { &[] } else { &["--config", &shared] };
     let build = ["build", "--release", "--message-format=json-render-diagnostics"];
-    let features = board.map(|board| ["--no-default-features", "--features", board.name]);
-    let args = settings.iter().copied().chain(build).chain(features.into_iter().flatten());
+    let board = wanted.board.map(|board| ["--no-default-features", "--features", board.name]);
+    let records = wanted.black_box.then_some(["--features", "rc10-board/black-box"]);
+    let features = board.into_iter().flatten().chain(records.into_iter().flatten());
+    let args = settings.iter().copied().chain(build).chain(features);
     let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .args(args)
         .current_dir(&folder)
@@ -35,6 +37,15 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
         messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     let mut programs = messages.filter_map(|it| Some(PathBuf::from(it["executable"].as_str()?)));
     programs.next_back().with_context(|| format!("{place} has no program"))
+}
+
+/// The firmware that is to be built.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Wanted {
+    /// For this board, if not for its own.
+    pub board: Option<Board>,
+    /// Whether it has a black box.
+    pub black_box: bool,
 }
 
 const TARGET: &str = "thumbv7em-none-eabihf";

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, ensure};
-use rc10_emu::Board;
 use rc10_emu::fault::{Fault, Kind};
 use rc10_motor::__declaration::is_same;
 use rc10_motor::{MotorId, Names, numbers};
@@ -16,7 +15,7 @@ use rc10_time::Micros;
 use serde_json::{Value, json};
 
 use crate::robot::base::Base;
-use crate::robot::build::build_firmware_in;
+use crate::robot::build::{Wanted, build_firmware_in};
 use crate::robot::mistake::Mistake;
 use crate::robot::motor::{Motor, Place, Plant};
 use crate::robot::remote::{Lost, RemoteControl, ScriptLine};
@@ -61,7 +60,7 @@ pub struct Description {
     /// Script, for reports.
     pub script: Script,
     /// Builds the firmware and returns the path of its ELF file. `None`: `rc10 emu` needs the path.
-    pub firmware: Option<fn(Option<Board>) -> Result<PathBuf>>,
+    pub firmware: Option<fn(Wanted) -> Result<PathBuf>>,
     /// Injected faults of this run: [`Robot::set_faults`](crate::Robot::set_faults).
     pub faults: Vec<Fault>,
     /// Mistakes of this run: [`Robot::set_mistakes`](crate::Robot::set_mistakes).
@@ -310,7 +309,7 @@ impl Description {
         Self {
             name: name.to_string_lossy().into_owned(),
             console: Some(P::CONSOLE),
-            firmware: Some(|board| build_firmware_in(P::FOLDER, board)),
+            firmware: Some(|wanted| build_firmware_in(P::FOLDER, wanted)),
             serials: imu.into_iter().chain(serials).collect(),
             contacts: contacts.collect(),
             voltages: voltages.collect(),

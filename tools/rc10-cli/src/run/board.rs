@@ -7,6 +7,7 @@ use anyhow::{Context as _, Result, bail};
 use rc10_emu::{Board, Image, MadeFor};
 
 use crate::files::unreadable;
+use crate::robot::build::Wanted;
 use crate::robot::description::Description;
 
 /// The board with this name on the command line.
@@ -47,11 +48,11 @@ pub(crate) fn of(program: &[u8], asked: Option<Board>, crystal: Option<u64>) -> 
 pub(crate) fn program(
     elf: Option<&Path>,
     robot: &Description,
-    board: Option<Board>,
+    wanted: Wanted,
 ) -> Result<(PathBuf, Vec<u8>)> {
     let path = match (elf, robot.firmware) {
         (Some(path), _) => path.into(),
-        (None, Some(build)) => build(board)?,
+        (None, Some(build)) => build(wanted)?,
         (None, None) => bail!("this robot does not say how to build a firmware: name an ELF file"),
     };
     let program = fs::read(&path).with_context(|| unreadable(&path))?;

@@ -20,6 +20,7 @@ use crate::run::line::LineListener;
 use crate::run::running::Running;
 use crate::run::watch::Sight;
 use crate::run::{board, foreign};
+use crate::world::black_box;
 use crate::world::console::{CONSOLE, ConsoleLine};
 use crate::world::environment::{Environment, RemoteLink, operate};
 use crate::world::robot::Robot;
@@ -43,6 +44,8 @@ pub struct Setup {
     pub board: Option<Board>,
     /// Crystal of the board in hertz, if it is another one than usual.
     pub crystal: Option<u64>,
+    /// Whether what reaches the ticks is taken out of the black box, with the state after each.
+    pub record: bool,
 }
 
 /// A chip in a robot's environment, and the robot's own code on this machine, which listens to the
@@ -68,8 +71,11 @@ pub struct Emulation<'r> {
     pub(crate) loops: Vec<Option<Loops>>,
     heard: Vec<usize>,
     /// Whether frames that were taken are forgotten: it may run for hours.
-    pub(crate) forgets: bool,
+    pub forgets: bool,
     operator: Option<Operator>,
+    /// Where the black box is, if the program has one, and the words of it that were taken.
+    black_box: Option<(u32, u32)>,
+    records: bool,
 }
 
 impl<'r> Emulation<'r> {
@@ -158,6 +164,11 @@ impl<'r> Emulation<'r> {
         let mut rig = Rig::new(machine, world, wires, ends, on_buses.collect(), &of_chip)?;
         rig.connect_parts(parts);
         let seed = setup.seed;
+        let black_box = rig.machine.image.symbol(black_box::NAME).ok();
+        if let Some(at) = black_box.filter(|_| setup.record) {
+            rig.machine.memory.write(at + black_box::WISH, &black_box::PROOF.to_le_bytes())?;
+        }
+        let black_box = black_box.map(|at| (at, 0));
         Ok(Self {
             rig,
             motors,
@@ -173,7 +184,17 @@ impl<'r> Emulation<'r> {
             servos,
             console,
             operator,
+            black_box,
+            records: setup.record,
         })
+    }
+
+    /// What the chip's black box holds, as it lies in memory; `None` without one.
+    pub fn black_box(&self) -> Option<Vec<u8>> {
+        let mut memory = vec![0; black_box::BYTES];
+        let (at, _) = self.black_box?;
+        self.rig.machine.memory.read(at, &mut memory).ok()?;
+        black_box::words(&memory).map(|_| memory)
     }
 
     /// The base on its wheels, if that is simulated.
@@ -265,6 +286,13 @@ impl Running for Emulation<'_> {
             line.listen(bytes);
         }
         frames
+    }
+
+    fn take_inputs(&mut self) -> Vec<u32> {
+        let Some((at, taken)) = self.black_box.as_mut().filter(|_| self.records) else {
+            return Vec::new();
+        };
+        black_box::news(&self.rig.machine.memory, *at, taken).unwrap_or_default()
     }
 
     /// The chip's memory is not looked into.

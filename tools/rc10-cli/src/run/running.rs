@@ -51,6 +51,10 @@ pub trait Running {
     fn sight(&self) -> Option<Sight<'_>>;
     /// Takes the frames that were on the wires since the last call, bus by bus.
     fn take_frames(&mut self) -> Vec<Vec<TraceEntry>>;
+    /// Takes what reached its ticks since the last call, as [words](rc10_motor::record), if it is recorded.
+    fn take_inputs(&mut self) -> Vec<u32> {
+        Vec::new()
+    }
     /// Values of its own signals, if they are known.
     fn signals(&self, now: Micros) -> Vec<Option<f64>>;
     /// The status of a motor.

@@ -43,6 +43,7 @@ fn record(
         let status = |entry| running.status(entry, now);
         if recorder.look((now, length), running.twins(), status)? {
             recorder.sample(now, running.wires(), running.moment(now))?;
+            recorder.inputs(now, &running.take_inputs())?;
             progress.tell(now, length);
         }
     }

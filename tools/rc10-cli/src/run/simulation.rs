@@ -20,6 +20,7 @@ use crate::run::running::Running;
 use crate::run::watch::Sight;
 use crate::world::console::ConsoleLine;
 use crate::world::environment::{Environment, rounded_up};
+use crate::world::inputs::Written;
 use crate::world::ports::Ports;
 use crate::world::robot::Robot;
 
@@ -34,6 +35,7 @@ pub struct Simulation<'r> {
     faults: Faults<ChipFault>,
     /// Frames on the wires that were not taken yet.
     frames: Vec<Vec<TraceEntry>>,
+    inputs: Option<&'static Written>,
 }
 
 impl<'r> Simulation<'r> {
@@ -67,9 +69,10 @@ impl<'r> Simulation<'r> {
             around.leave_to(real);
         }
         let faults = around.faults(&description)?;
+        let inputs = robot.inputs;
         let tasks = robot.tasks(&around)?;
         let frames = vec![Vec::new(); around.wires.len()];
-        Ok(Self { around, tasks, ports, loops, description, faults, frames })
+        Ok(Self { around, tasks, ports, loops, description, faults, frames, inputs })
     }
 
     /// Whether it is armed. It need not say what arms it: its buses and lines know.
@@ -150,6 +153,10 @@ impl Running for Simulation<'_> {
 
     fn take_frames(&mut self) -> Vec<Vec<TraceEntry>> {
         self.frames.iter_mut().map(std::mem::take).collect()
+    }
+
+    fn take_inputs(&mut self) -> Vec<u32> {
+        self.inputs.map(Written::take).unwrap_or_default()
     }
 
     fn signals(&self, now: Micros) -> Vec<Option<f64>> {

@@ -11,6 +11,7 @@ use rc10_emu::fault::{Fault, Kind};
 use rc10_module::Reception;
 use rc10_module::store::{Cells, Store};
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
+use rc10_motor::record::FIRST_LINE;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Verdict};
 use rc10_sim::{Contact, Serial, Servo, TaskName, Tasks, UartPort, Voltage};
@@ -28,6 +29,7 @@ use crate::world::built::Built;
 use crate::world::console::ConsolePort;
 use crate::world::environment::Environment;
 use crate::world::hang;
+use crate::world::inputs::Written;
 use crate::world::kept::KeptFlash;
 use crate::world::ports::Ports;
 
@@ -51,6 +53,8 @@ pub struct Robot<'r> {
     kept: (KeptFlash, &'static [&'static str]),
     /// Whether it runs even if motors do not fit on a bus.
     is_forced: bool,
+    /// Where what reaches its ticks is written, if it is.
+    pub(crate) inputs: Option<&'static Written>,
 }
 
 type Serve<'r> = Box<dyn FnOnce(ConsolePort, KeptFlash, &'static [&'static str]) -> Task<'r> + 'r>;
@@ -354,6 +358,11 @@ impl<'r> Robot<'r> {
         self.set_mistakes(mistakes)
     }
 
+    /// Has what reaches its ticks written, for a replay.
+    pub fn record_inputs(&mut self) {
+        self.inputs = Some(Written::new());
+    }
+
     /// Sets whether bus logs are only hashed: those of an hour take much memory.
     pub const fn set_no_logs(&mut self, no_logs: bool) {
         self.description.no_logs = no_logs;
@@ -426,13 +435,19 @@ impl<'r> Robot<'r> {
         let mut tasks = Tasks::new();
         let buses = self.buses.into_iter().zip(self.ports.buses);
         for (number, ((bus, shared), wire)) in (1..=u8::MAX).zip(buses.zip(&around.wires)) {
+            if let Some(inputs) = self.inputs {
+                shared.record(inputs, number - 1);
+            }
             match around.real.get(&number) {
                 Some(port) => tasks.add(run_bus(port.clone(), bus, shared)),
                 None => tasks.add(run_bus(wire.port(), bus, shared)),
             }
         }
         let lines = self.lines.into_iter().zip(self.ports.lines);
-        for ((line, shared), wire) in lines.zip(&around.lines) {
+        for (number, ((line, shared), wire)) in (0..).zip(lines.zip(&around.lines)) {
+            if let Some(inputs) = self.inputs {
+                shared.record(inputs, FIRST_LINE + number);
+            }
             tasks.add(run_rs485(wire.port(), line, shared));
         }
         let mut own = self.tasks;

@@ -20,6 +20,7 @@ use sha2::{Digest, Sha256};
 
 use crate::files::unreadable;
 use crate::recording::sample::hex_digits;
+use crate::robot::build::Wanted;
 use crate::run::board::{self, program};
 use crate::world::console::BAUD;
 use crate::world::robot::Robot;
@@ -53,7 +54,8 @@ pub struct BoardTestArgs {
 /// There is no program, no such step, or the file cannot be written.
 pub fn board_test(args: &BoardTestArgs, robot: &Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     let description = robot.description();
-    let (elf, program) = program(args.elf.as_deref(), description, args.board)?;
+    let (elf, program) =
+        program(args.elf.as_deref(), description, Wanted { board: args.board, black_box: false })?;
     let named = || elf.display().to_string();
     let board = board::of(&program, args.board, None).with_context(named)?;
     let made_for = Image::parse(&program).with_context(named)?.made_for;

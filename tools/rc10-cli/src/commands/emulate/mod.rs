@@ -18,6 +18,7 @@ use crate::commands::emulate::output::Outcome;
 use crate::files::{make_folder, write_file};
 use crate::record::RecordWriter;
 use crate::recording::origin::Origin;
+use crate::robot::build::Wanted;
 use crate::run::board::{self, program};
 use crate::run::emulation::{Emulation, Setup};
 use crate::show::figures::{Figures, verdict};
@@ -67,6 +68,9 @@ pub struct EmuArgs {
     pub force: bool,
 }
 
+/// The file with what a chip's black box has.
+const BLACK_BOX: &str = "black-box.bin";
+
 /// Runs a program, writes the files and prints the figures; returns whether the run had problems.
 ///
 /// # Errors
@@ -75,7 +79,8 @@ pub struct EmuArgs {
 pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.injected.faults, args.seconds)?;
     robot.fit(args.force)?;
-    let (path, program) = program(args.elf.as_deref(), robot.description(), args.board)?;
+    let wanted = Wanted { board: args.board, black_box: args.record.is_some() };
+    let (path, program) = program(args.elf.as_deref(), robot.description(), wanted)?;
     let Injected { faults, mistakes } = args.injected.clone();
     let setup = Setup {
         seed: args.seed,
@@ -84,6 +89,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         mistakes,
         board: args.board,
         crystal: args.crystal,
+        record: args.record.is_some(),
         ..Setup::default()
     };
     let started = Instant::now();
@@ -104,6 +110,9 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     problems::search(rig, description, &recording, &log, &mut figures.problems);
     problems::warnings(&log, &recording, &mut figures.problems);
     write_files(&recording, &figures, &args.out, None)?;
+    if let Some(memory) = emulation.black_box() {
+        write_file(&args.out, BLACK_BOX, &memory)?;
+    }
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);
     for text in &texts {
