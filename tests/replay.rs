@@ -240,6 +240,9 @@ static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
 fn each_shipped_robot_is_the_same_twice() {
     let time = Micros::from_millis(1500);
     for said in [
+        rc10_cli::replayed::<team::Robot>(3, time),
+        rc10_cli::replayed::<omni::Robot>(3, time),
+        rc10_cli::replayed::<lift::Robot>(3, time),
         rc10_cli::replayed::<starter::Robot>(3, time),
         rc10_cli::replayed::<swerve::Robot>(3, time),
         rc10_cli::replayed::<mixed::Robot>(3, time),
@@ -282,6 +285,7 @@ fn what_if_is_open_loop_and_says_so() {
         (["--set", "wheel.speed_kp=1"], "there is no motor `wheel`"),
         (["--set", "feeder.speed=1"], "no parameter of that name"),
         (["--set", "feeder.speed_kp=fast"], "`fast` is no number"),
+        (["--set", "feeder.speed_kp=-1"], "what is to be set is refused: "),
         (["--until", "4"], "it ends before 4 s"),
     ] {
         let (code, _) = rc10(&[&["replay", &record], &words[..]].concat());

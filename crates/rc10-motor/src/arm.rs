@@ -119,7 +119,7 @@ impl ArmSwitch {
     }
 
     /// Sets the state that a record says a tick has [seen](crate::record::TICK).
-    #[cfg(feature = "record")]
+    #[cfg(all(feature = "record", not(target_os = "none")))]
     pub fn replay(&self, seen: u8) {
         self.0.store(u32::from(seen), Ordering::Release);
     }

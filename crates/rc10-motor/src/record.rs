@@ -20,7 +20,7 @@ use serde::Serialize;
 
 /// The place to which entries go.
 pub trait Sink: Sync {
-    /// Takes an entry, whole. What it has no room for it counts.
+    /// Takes an entry, whole.
     fn put(&self, entry: &[u32]);
 
     /// Whether all is recorded that proves a replay: what was [`SENT`], and the [`STATE`] after every tick. Otherwise a
@@ -68,7 +68,7 @@ const KEYFRAME_EVERY: u32 = 64;
 /// The place of the first line.
 pub const FIRST_LINE: u8 = 8;
 /// Longest entry, words.
-pub const LONGEST: usize = 256;
+const LONGEST: usize = 256;
 /// The motor's number in a keyframe of the bus without its motors.
 pub const BUS: u8 = 0xFF;
 

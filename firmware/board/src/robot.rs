@@ -271,7 +271,7 @@ pub fn record<N>(ports: PortsOf<'static, N>) {
     use rc10_motor::record::{FIRST_LINE, Sink, TICK};
 
     struct BlackBox;
-    /// Number of times that it must still be armed, and in the top bit whether it is.
+    /// Number of times that it must still be armed, as the ring has it, and in the top bit whether it is.
     static HELD: AtomicU32 = AtomicU32::new(0);
     const IS_ARMED: u32 = 1 << 31;
 
@@ -281,15 +281,18 @@ pub fn record<N>(ports: PortsOf<'static, N>) {
             if held == 0 {
                 return RING.put(entry);
             }
-            // Only of bus 1 or line 1: each has the same switch.
-            if let [kind, 0, _, arm] = entry[0].to_le_bytes()
-                && kind == TICK
-                && (arm == 1) != (held & IS_ARMED != 0)
-            {
-                let held = if arm == 1 { (held - 1) | IS_ARMED } else { held & !IS_ARMED };
-                let is_over = held & !IS_ARMED == 0;
-                HELD.store(if is_over { 0 } else { held }, Ordering::Relaxed);
-                if is_over {
+            let [kind, place, _, arm] = entry[0].to_le_bytes();
+            // Any one place: all see the same switch. Suspended, by a remote that is lost, it is armed.
+            let is_armed = matches!(arm, 1 | 4);
+            let is_news = is_armed != (held & IS_ARMED != 0);
+            if kind == TICK && matches!(place, 0 | FIRST_LINE) && is_news {
+                let left = (held & !IS_ARMED) - u32::from(is_armed);
+                HELD.store(
+                    left | if is_armed && left > 0 { IS_ARMED } else { 0 },
+                    Ordering::Relaxed,
+                );
+                RING.hold(left);
+                if left == 0 {
                     RING.clear();
                 }
             }
@@ -302,8 +305,11 @@ pub fn record<N>(ports: PortsOf<'static, N>) {
 
     if RING.is_proof() && RING.is_kept() {
         // The test bench takes it all, over every start.
-    } else if has_crashed() && RING.is_kept() {
-        HELD.store(2, Ordering::Relaxed);
+    } else if RING.is_kept() && (has_crashed() || RING.held() > 0) {
+        if RING.held() == 0 {
+            RING.hold(2);
+        }
+        HELD.store(RING.held(), Ordering::Relaxed);
         defmt::info!("what happened before the crash is kept until the robot is armed twice");
     } else {
         RING.clear();

@@ -5,6 +5,7 @@
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
+use core::sync::atomic::{Ordering, compiler_fence};
 
 /// Words of entries in the ring: 256 KiB.
 pub const WORDS: usize = 65_536;
@@ -16,6 +17,8 @@ pub struct Ring {
     magic: [u32; 2],
     /// Words written so far, and those that have gone: both modulo 2^32.
     ends: [u32; 2],
+    /// Number of times that the robot must be armed before what a crash has left goes; and nothing.
+    held: [u32; 2],
     words: [u32; WORDS],
 }
 
@@ -53,10 +56,18 @@ impl BlackBox {
 
     /// Begins anew.
     pub fn clear(&self) {
-        self.with(|ring| {
-            ring.ends = [0; 2];
-            ring.magic[0] = MAGIC;
-        });
+        self.with(|ring| (ring.ends, ring.held, ring.magic[0]) = ([0; 2], [0; 2], MAGIC));
+    }
+
+    /// Keeps what is there until the robot has been armed so many times.
+    pub fn hold(&self, armings: u32) {
+        self.with(|ring| ring.held = [armings; 2]);
+    }
+
+    /// How many times it must still be armed, as of a run before.
+    pub fn held(&self) -> u32 {
+        // A reset may have lost one half.
+        self.with(|ring| ring.held[0].max(ring.held[1]).min(2))
     }
 
     /// Whether a test bench wishes more detail.
@@ -73,10 +84,14 @@ impl BlackBox {
             while after.wrapping_sub(tail) > WORDS as u32 {
                 tail = tail.wrapping_add(1 + (ring.words[(tail & MASK) as usize] >> 16 & 0xFF));
             }
+            // First: a reset in between must not find an end in the midst of what is written now.
+            ring.ends[1] = tail;
+            compiler_fence(Ordering::SeqCst);
             for word in entry {
                 ring.words[(head & MASK) as usize] = *word;
                 head = head.wrapping_add(1);
             }
+            compiler_fence(Ordering::SeqCst);
             ring.ends = [head, tail];
         });
     }

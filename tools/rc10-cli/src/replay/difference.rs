@@ -148,7 +148,15 @@ fn named(text: &str) -> Vec<(String, String)> {
         path.push(name.to_owned());
         if !opens {
             let names: Vec<_> = path.iter().filter(|it| !it.is_empty()).cloned().collect();
-            all.push((names.join("."), value.to_owned()));
+            let name = names.join(".");
+            // What has no name of its own has a number.
+            let number =
+                all.iter().filter(|(it, _): &&(String, _)| it.split('[').next() == Some(&name));
+            let name = match number.count() {
+                0 => name,
+                number => format!("{name}[{number}]"),
+            };
+            all.push((name, value.to_owned()));
         }
     }
     all

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::pin::Pin;
 use std::rc::Rc;
-use std::task::{Context as TaskContext, Waker};
+use std::task::{Context as TaskContext, Poll, Waker};
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
@@ -15,7 +15,9 @@ use rc10_motor::record::{
     RECOVER, REQUEST, Recorded, SENT, START, STATE, TICK, TOOK, hash,
 };
 use rc10_motor::unitree::{Rs485Bus, Step};
-use rc10_motor::{ArmSwitch, MotorBus, MotorId, MotorStatus, Request, Target, Withheld};
+use rc10_motor::{
+    ArmSwitch, MotorBus, MotorId, MotorStatus, Request, RequestError, Response, Target, Withheld,
+};
 use rc10_time::Micros;
 
 use super::difference::{Difference, What, fields};
@@ -30,8 +32,10 @@ pub(crate) struct Engine<'r> {
     pub(crate) description: Description,
     switch: &'r ArmSwitch,
     places: Vec<Place<'r>>,
-    /// What is set otherwise than in the record: then nothing is compared.
+    /// What is set otherwise than in the record.
     changes: Vec<(u8, MotorId, Request)>,
+    /// Nothing is compared.
+    is_open: bool,
     pub(crate) told: Told,
 }
 
@@ -70,11 +74,13 @@ struct Place<'r> {
     is_changed: bool,
     /// The newest time.
     now: Micros,
-    /// Requests that the next tick takes.
-    asked: Vec<Asked<'r>>,
+    /// Requests that the next tick takes; whether each is a change.
+    asked: Vec<(Asked<'r>, bool)>,
+    /// Changes that have not been asked for yet.
+    changes: Vec<(MotorId, Request)>,
 }
 
-type Asked<'r> = Pin<Box<dyn Future<Output = ()> + 'r>>;
+type Asked<'r> = Pin<Box<dyn Future<Output = Result<Response, RequestError>> + 'r>>;
 
 enum Runs<'r> {
     Bus(Box<Runner<'r, 'r, Port<'r>, MotorBus<'r>>>, &'r BusPort, Rc<RefCell<Feed>>),
@@ -155,17 +161,31 @@ impl<'r> Engine<'r> {
             let runner = Box::new(LineRunner::new(line, port, Micros::ZERO));
             places.push(Place::new(number, Runs::Line(runner, port), motors));
         }
-        Ok(Self { description, switch, places, changes: Vec::new(), told: Told::default() })
+        Ok(Self {
+            description,
+            switch,
+            places,
+            changes: Vec::new(),
+            is_open: false,
+            told: Told::default(),
+        })
     }
 
-    /// Begins anew with changes: requests to motors of the table. Nothing is compared then.
+    /// Begins anew with changes: requests to motors of the table, of each kind the last. Nothing is compared then.
     pub(crate) fn change(&mut self, changes: Vec<(usize, Request)>) {
         let placed = |(entry, request)| {
             let (on, motor) = self.placed(entry)?;
             Some((on, motor, request))
         };
-        self.changes = changes.into_iter().filter_map(placed).collect();
-        self.told = Told::default();
+        let all: Vec<_> = changes.into_iter().filter_map(placed).collect();
+        let is_last = |at: usize| {
+            let (on, motor, request) = &all[at];
+            let kind = std::mem::discriminant::<Request>(request);
+            let mut later = all[at + 1..].iter();
+            later.all(|it| (it.0, it.1, std::mem::discriminant(&it.2)) != (*on, *motor, kind))
+        };
+        self.changes = (0..all.len()).filter(|at| is_last(*at)).map(|at| all[at]).collect();
+        (self.told, self.is_open) = (Told::default(), true);
         for place in &mut self.places {
             place.start(Micros::ZERO);
             place.known = 0;
@@ -205,7 +225,7 @@ impl<'r> Engine<'r> {
             if entry.kind == LOST {
                 self.told.lost += u64::from(entry.word(0));
                 groups.iter_mut().for_each(Vec::clear);
-                self.places.iter_mut().for_each(|place| place.known = 0);
+                self.places.iter_mut().for_each(|it| (it.known, it.is_changed) = (0, false));
                 continue;
             }
             let at = self.places.iter().position(|place| place.number == entry.place);
@@ -238,7 +258,9 @@ impl<'r> Engine<'r> {
                 continue;
             }
             let group = std::mem::replace(&mut groups[at], vec![entry]);
-            if let Some(&begin) = group.first() {
+            // A restart: what it interrupted may not be whole, and is no more.
+            if let Some(&begin) = group.first().filter(|it| entry.kind != START || it.kind == START)
+            {
                 if begin.kind == TICK && !look(self, Micros::new(begin.long(0)))? {
                     self.told.is_ended = true;
                     return Ok(first);
@@ -253,7 +275,8 @@ impl<'r> Engine<'r> {
         }
         for (at, group) in groups.iter().enumerate() {
             // The last one may not be whole: of a crash there is only its begin.
-            let is_whole = group.iter().any(|it| matches!(it.kind, STATE | KEYFRAME | TOOK));
+            let has = |kinds: &[u8]| group.iter().any(|it| kinds.contains(&it.kind));
+            let is_whole = has(&[STATE, KEYFRAME]) || has(&[TOOK]) && !has(&[SENT]);
             if is_whole || group.first().is_some_and(|it| it.kind != TICK) {
                 self.group(at, group, &mut first)?;
             }
@@ -273,10 +296,10 @@ impl<'r> Engine<'r> {
         group: &[Entry<'_>],
         first: &mut Option<Difference>,
     ) -> Result<()> {
-        let Self { places, switch, changes, told, .. } = self;
+        let Self { places, switch, changes, told, is_open, .. } = self;
+        let is_open = *is_open;
         let place = &mut places[at];
         let Some(begin) = group.first() else { return Ok(()) };
-        let is_open = !changes.is_empty();
         let number = place.number;
         let own = changes.iter().filter(|it| it.0 == number);
         if begin.kind == START {
@@ -284,8 +307,8 @@ impl<'r> Engine<'r> {
             return Ok(());
         }
         let is_known = place.is_known();
-        if is_known && !std::mem::replace(&mut place.is_changed, is_known) {
-            own.clone().for_each(|(_, motor, request)| place.ask(*motor, *request));
+        if is_known && begin.kind == TICK && !std::mem::replace(&mut place.is_changed, true) {
+            place.changes = own.clone().map(|it| (it.1, it.2)).collect();
         }
         let before = place.ticks();
         let found = match begin.kind {
@@ -440,6 +463,7 @@ impl<'r> Place<'r> {
             is_changed: false,
             now: Micros::ZERO,
             asked: Vec::new(),
+            changes: Vec::new(),
         };
         place.initial = place.parts().map(|part| saved(place.recorded(), part)).collect();
         place
@@ -516,14 +540,30 @@ impl<'r> Place<'r> {
     }
 
     /// Makes a request, as a task does, and keeps it until the bus has taken it.
-    fn ask(&mut self, motor: MotorId, request: Request) {
+    fn ask(&mut self, motor: MotorId, request: Request, is_change: bool) {
         let port = self.port(motor);
-        let mut asked: Asked<'r> = Box::pin(async move {
-            let _ = port.request(request).await;
-        });
+        let mut asked: Asked<'r> = Box::pin(async move { port.request(request).await });
         if asked.as_mut().poll(&mut TaskContext::from_waker(Waker::noop())).is_pending() {
-            self.asked.push(asked);
+            self.asked.push((asked, is_change));
         }
+    }
+
+    /// What was asked for has been taken; fails if a change was refused.
+    fn settle(&mut self) -> Result<()> {
+        let mut context = TaskContext::from_waker(Waker::noop());
+        for (mut asked, is_change) in self.asked.drain(..) {
+            if let (Poll::Ready(Err(error)), true) = (asked.as_mut().poll(&mut context), is_change)
+            {
+                bail!("what is to be set is refused: {error}");
+            }
+        }
+        // A bus takes four at once, and may have been given some.
+        if self.asked.is_empty()
+            && let Some((motor, request)) = self.changes.pop()
+        {
+            self.ask(motor, request, true);
+        }
+        Ok(())
     }
 
     /// Puts into the mail what tasks had put there.
@@ -545,7 +585,7 @@ impl<'r> Place<'r> {
                 REQUEST => {
                     let (request, _) = postcard::take_from_bytes(&bytes).context(DAMAGED)?;
                     if !is_set_otherwise(motor, &request) {
-                        self.ask(motor, request);
+                        self.ask(motor, request, false);
                     }
                 }
                 _ => {}
@@ -561,8 +601,7 @@ impl<'r> Place<'r> {
         let feed = match &mut self.runs {
             Runs::Line(runner, _) => {
                 runner.tick(now);
-                self.asked.clear();
-                return Ok(None);
+                return self.settle().map(|()| None);
             }
             Runs::Bus(_, _, feed) => Rc::clone(feed),
         };
@@ -612,9 +651,9 @@ impl<'r> Place<'r> {
         });
         // A half that only sends takes none.
         if group.iter().any(|it| it.kind == TOOK) {
-            self.asked.clear();
+            self.settle()?;
         }
-        if !self.is_known() {
+        if !self.is_known() || !self.is_proof {
             return Ok(None);
         }
         let sent = std::mem::take(&mut feed.borrow_mut().sent);

@@ -70,7 +70,7 @@ impl Inputs {
             Ok(())
         })?;
         ensure!(
-            channel.is_some(),
+            !inputs.words.is_empty(),
             "it has no inputs to replay: `rc10 run --record` and `rc10 emu --record` write them, a \
              robot's black box has them, `rc10 record` and `rc10 live` do not"
         );

@@ -11,7 +11,7 @@ const MAGIC: u32 = 0x524E_4731;
 pub(crate) const WISH: u32 = 4;
 pub(crate) const PROOF: u32 = 0x5052_4F46;
 const ENDS: usize = 8;
-const FIRST: usize = 16;
+const FIRST: usize = 24;
 const WORDS: u32 = 65_536;
 /// All of it.
 pub(crate) const BYTES: usize = FIRST + 4 * WORDS as usize;
@@ -39,6 +39,10 @@ pub(crate) fn news(memory: &Memory, at: u32, taken: &mut u32) -> Result<Vec<u32>
     let ends = at + ENDS as u32;
     let [newest, oldest] = [memory.word(ends)?, memory.word(ends + 4)?];
     let mut words = Vec::new();
+    if newest.wrapping_sub(*taken) > i32::MAX as u32 {
+        // It was cleared, as after a cut of power.
+        *taken = oldest;
+    }
     if newest.wrapping_sub(*taken) > newest.wrapping_sub(oldest) {
         words.extend([head(LOST, 0, 1, 0), oldest.wrapping_sub(*taken)]);
         *taken = oldest;
