@@ -195,7 +195,7 @@ impl Recorder {
     fn put<const N: usize>(&self, kind: u8, more: u8, mut entry: [u32; N]) {
         const { assert!(N <= 8) };
         if let Some(sink) = self.sink {
-            (entry[0] = head(kind, self.place, N as u8 - 1, more));
+            entry[0] = head(kind, self.place, N as u8 - 1, more);
             sink.put(&entry);
         }
     }
@@ -228,7 +228,7 @@ impl Recorder {
             }
         });
         let words = len.div_ceil(4);
-        (entry[0] = head(kind, self.place, (words - 1) as u8, more));
+        entry[0] = head(kind, self.place, (words - 1) as u8, more);
         sink.put(&entry[..words]);
     }
 

@@ -56,8 +56,6 @@ pub struct Told {
     pub unknown: u64,
     /// Time of the first tick, and of the last one.
     pub times: Option<[Micros; 2]>,
-    /// Whether it was ended before its end.
-    pub is_ended: bool,
 }
 
 struct Place<'r> {
@@ -262,7 +260,6 @@ impl<'r> Engine<'r> {
             if let Some(&begin) = group.first().filter(|it| entry.kind != START || it.kind == START)
             {
                 if begin.kind == TICK && !look(self, Micros::new(begin.long(0)))? {
-                    self.told.is_ended = true;
                     return Ok(first);
                 }
                 let now = self.places[at].now;

@@ -66,20 +66,21 @@ pub(crate) fn entries(words: &[u32]) -> impl Iterator<Item = Entry<'_>> {
     })
 }
 
-/// The label of a motor of a place.
-pub(crate) fn label(robot: &Description, place: u8, motor: u8) -> Option<&'static str> {
-    let on = match place.checked_sub(FIRST_LINE) {
+/// A place of a record, as the table has it.
+fn on(place: u8) -> On {
+    match place.checked_sub(FIRST_LINE) {
         Some(line) => On::Line(line + 1),
         None => On::Bus(place + 1),
-    };
-    let mut motors = robot.motors.iter().filter(|it| it.on == on);
+    }
+}
+
+/// The label of a motor of a place.
+pub(crate) fn label(robot: &Description, place: u8, motor: u8) -> Option<&'static str> {
+    let mut motors = robot.motors.iter().filter(|it| it.on == on(place));
     motors.nth(motor.into()).map(|it| it.label)
 }
 
 /// The name of a place.
 pub(crate) fn name_of(place: u8) -> String {
-    match place.checked_sub(FIRST_LINE) {
-        Some(line) => format!("line {}", line + 1),
-        None => format!("bus {}", place + 1),
-    }
+    on(place).to_string()
 }

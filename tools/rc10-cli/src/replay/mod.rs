@@ -1,5 +1,13 @@
 //! `rc10 replay`: a record runs again through the robot's own buses and motors, and is compared bit for bit.
 
+pub(crate) mod check;
+pub mod command;
+mod curves;
+mod difference;
+mod engine;
+mod entries;
+mod inputs;
+
 use anyhow::Result;
 use rc10_time::Micros;
 
@@ -20,11 +28,3 @@ pub fn replayed(words: &[u32], robot: Robot<'_>) -> Result<(Told, Option<(Micros
     let said = difference.map(|it| (it.at, it.lines(&engine.description).join("\n")));
     Ok((engine.told, said))
 }
-
-pub(crate) mod check;
-pub mod command;
-mod curves;
-pub(crate) mod difference;
-pub(crate) mod engine;
-mod entries;
-pub(crate) mod inputs;
