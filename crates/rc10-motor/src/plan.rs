@@ -65,16 +65,49 @@ impl Plan {
 
     /// A bus of a declaration. Motors count by their place in it.
     pub const fn of(entries: &[Entry<Device>], on: Place, extra: Extra) -> Self {
-        let (mut plan, mut at) = (Self::new(extra), 0);
+        Self::new(extra).with_all(entries, on, 0).settled()
+    }
+
+    /// A bus with motors of two boards, those of the second one counted behind the first's; `None` if two have the same
+    /// identifier. [`settled`](Self::settled) comes last.
+    #[must_use]
+    pub const fn of_both(of: [(&[Entry<Device>], Place); 2], extra: Extra) -> Option<Self> {
+        let [(ours, our_bus), (theirs, their_bus)] = of;
+        let all = Self::new(extra).with_all(ours, our_bus, 0);
+        let others = Self::new(extra).with_all(theirs, their_bus, ours.len());
+        let mut at = 0;
+        while at < all.len * others.len {
+            let (one, other) = (&all.sorts[at / others.len], &others.sorts[at % others.len]);
+            if one.frames.pattern.overlap(&other.frames.pattern).is_some() {
+                return None;
+            }
+            at += 1;
+        }
+        Some(all.with_all(theirs, their_bus, ours.len()))
+    }
+
+    const fn with_all(self, entries: &[Entry<Device>], on: Place, first: usize) -> Self {
+        let (mut plan, mut at) = (self, 0);
         while at < entries.len() {
             if entries[at].on.is(on)
                 && let Wiring::Can(ids) = entries[at].config.wiring()
             {
-                plan = plan.with(at, &ids);
+                plan = plan.with(first + at, &ids);
             }
             at += 1;
         }
-        plan.settled()
+        plan
+    }
+
+    /// With a sort of frames that no motor has: their period, and by how much one may be late. They come behind those of
+    /// motors. [`settled`](Self::settled) comes last.
+    pub const fn and(mut self, frames: Frames, period: u32, jitter: u32) -> Self {
+        assert!(self.len < Self::MOST);
+        let stream = Stream::new(frames.usual(), frames.len, period);
+        self.streams[self.len] = Stream { jitter, ..stream };
+        self.sorts[self.len] = Sort { frames, motor: usize::MAX, is_command: false, command: None };
+        self.len += 1;
+        self
     }
 
     /// With one motor more, called by this number. [`settled`](Self::settled) comes last.
@@ -130,7 +163,7 @@ impl Plan {
     }
 
     /// With replies as late as the commands that they answer. They may delay commands themselves.
-    const fn settled(mut self) -> Self {
+    pub const fn settled(mut self) -> Self {
         loop {
             let (mut at, mut is_settled) = (0, true);
             while at < self.len {

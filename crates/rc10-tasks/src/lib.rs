@@ -3,6 +3,7 @@
 //!
 //! * [`Common`]: what they share.
 //! * [`arming`]: the switches of a remote control arm, disarm and stop; its failsafe in two steps.
+//! * [`boards`]: a second board: topics between both, and one arm state.
 //! * [`BaseDriver`]: drives a [`DrivenBase`] or a [`DrivenSwerve`] by sticks, by a twist, or along a path.
 //! * [`heading`]: which way the robot looks, counted from where it was armed.
 //! * [`mod@live`]: shows the robot to a PC, and lets it change gains.
@@ -16,6 +17,7 @@
 
 pub mod arming;
 mod base;
+pub mod boards;
 mod common;
 pub mod heading;
 pub mod live;

@@ -94,6 +94,8 @@ pub trait Declared: 'static {
     const RS485: &'static [LinePart];
     /// The folder of the robot's package.
     const FOLDER: &'static str;
+    /// Which board of the robot it is, as `Chassis`, if the package has several; else empty.
+    const BOARD: &'static str;
 
     /// Makes the motors and attaches them to buses and lines, which have none yet.
     ///
@@ -202,6 +204,7 @@ pub const fn assert_in_order(ports: &[&str], name: &str) {
 ///
 /// ```ignore
 /// rc10::robot! {
+///     board Chassis;                                      // of a package with two boards: which one
 ///     own Own;                                            // its signals, parameters and topics, by `live!`
 ///     imu wit;                                            // HWT101 or WT901, on a board that has none soldered on
 ///     strip 8, brightness 40;                             // LEDs that show its state, brightness of 255
@@ -226,6 +229,7 @@ pub const fn assert_in_order(ports: &[&str], name: &str) {
 #[macro_export]
 macro_rules! robot {
     (
+        $(board $board:ident;)?
         $(own $Own:ty;)?
         $(imu $imu:ident;)?
         $(strip $leds:expr, brightness $brightness:expr;)?
@@ -237,7 +241,7 @@ macro_rules! robot {
         motors { $($motors:tt)+ }
     ) => {
         $crate::parts! {
-            ($)
+            ($) ($($board)?)
             ($($imu)?) [$($leds)?] ($($line)*) ($($uart)*) ($($input)*)
             ($($pin)*) ($($output)*)
         }
@@ -294,6 +298,7 @@ macro_rules! robot {
                 reply: $reply,
             }),*];
             const FOLDER: &'static str = env!("CARGO_MANIFEST_DIR");
+            const BOARD: &'static str = concat!($(stringify!($board))?);
 
             fn attach<'m>(
                 motors: &'m mut Motors,
@@ -358,14 +363,18 @@ macro_rules! robot {
     };
 }
 
-/// Hands the parts to a macro of the board: `my_robot::__parts!([rc10_board::start_parts] arguments)`.
+/// Hands the parts to a macro of the board: `my_robot::__parts!([rc10_board::start_parts] arguments)`. Of a package with
+/// several boards the macro has the board's name.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! parts {
-    (($d:tt) $($parts:tt)*) => {
+    (($d:tt) () $($parts:tt)*) => {
+        $crate::parts! { ($d) (__parts) $($parts)* }
+    };
+    (($d:tt) ($board:ident) $($parts:tt)*) => {
         #[doc(hidden)]
         #[macro_export]
-        macro_rules! __parts {
+        macro_rules! $board {
             ([$d($d callback:tt)+] $d($d argument:tt)*) => {
                 $d($d callback)+! { ($d($d argument)*) $($parts)* }
             };

@@ -67,7 +67,8 @@ pub mod sim {
     pub mod prelude {
         pub use rc10_cli::robot::remote::ScriptLine;
         pub use rc10_cli::{
-            ArmPart, Base, ContactPart, Description, Plant, RemoteControl, Shape, Simulated, Twin,
+            ArmPart, Base, ContactPart, Description, Partner, Plant, RemoteControl, Shape,
+            Simulated, Twin,
         };
         pub use rc10_sim::remote::{Controls, Stick, Switch};
         pub use rc10_sim::{ArmLink, Closed, Nonlinear};

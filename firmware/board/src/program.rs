@@ -5,6 +5,7 @@
 /// ```ignore
 /// rc10_board::program!(my_robot);                       // its crate
 /// rc10_board::program!(my_robot, outputs: [First]);     // of a board that has them, only these outputs are on
+/// rc10_board::program!(my_robot::chassis::Chassis);     // of a robot of two boards: its crate, module and `board`
 /// ```
 ///
 /// The robot's crate has what `rc10::robot!` makes, and `Robot` is a [`Program`](rc10_tasks::Program).
@@ -26,6 +27,12 @@
 #[macro_export]
 macro_rules! program {
     ($robot:ident $(, outputs: [$($output:ident),*])?) => {
+        $crate::program! { [$robot] [$robot::__parts] $(, outputs: [$($output),*])? }
+    };
+    ($robot:ident::$module:ident::$Board:ident $(, outputs: [$($output:ident),*])?) => {
+        $crate::program! { [$robot::$module] [$robot::$Board] $(, outputs: [$($output),*])? }
+    };
+    ([$($robot:ident)::+] [$($parts:ident)::+] $(, outputs: [$($output:ident),*])?) => {
         $crate::rc10_bsp::crash_handlers!();
 
         mod program {
@@ -49,7 +56,7 @@ macro_rules! program {
             use $crate::rc10_tasks::{Declared, Program, remote};
             use $crate::robot::{self, Unstartable};
             use $crate::static_cell::{ConstStaticCell, StaticCell};
-            use $robot::{Motors, Name, Ports, Robot, Shared};
+            use $($robot)::+::{Motors, Name, Ports, Robot, Shared};
 
             const BUSES: usize = <Name as Names>::BUSES.len();
             const SERIALS: usize = Robot::SERIALS.len();
@@ -100,7 +107,7 @@ macro_rules! program {
                 robot::record(shared.ports);
                 let kept = robot::kept(&shared.switch, Robot::MUST_HAVE);
                 let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
-                let mut lines = $robot::__parts!([$crate::motor_lines] shared);
+                let mut lines = $($parts)::+!([$crate::motor_lines] shared);
                 MOTORS.take().attach(
                     &mut motors.each_mut().map(|bus| &mut **bus),
                     &mut lines.each_mut().map(|line| &mut **line),
@@ -111,7 +118,7 @@ macro_rules! program {
                 let started = Instant::now();
                 CONTROL.start(interrupt::UART9).spawn(buses(ports, motors, shared.ports.buses)?);
                 supervisor::start(board.supervisor, Irqs, Priority::P3);
-                $robot::__parts!([$crate::start_lines] shared, lines, board);
+                $($parts)::+!([$crate::start_lines] shared, lines, board);
 
                 let text = robot::console_port(board.text, Irqs, Priority::P7, Robot::CONSOLE)?;
                 spawner.spawn(tend(shared, board.watchdog)?);
@@ -122,7 +129,7 @@ macro_rules! program {
                 } else {
                     spawner.spawn(listen_pulses(shared, $crate::start_pulses!(board))?);
                 }
-                $robot::__parts!([$crate::start_parts] shared, spawner, board);
+                $($parts)::+!([$crate::start_parts] shared, spawner, board);
                 spawner.spawn(serve(shared, board.soldered)?);
                 spawner.spawn(run(shared)?);
                 // A bus wakes every third of a millisecond. All else wakes between, to leave them punctual.

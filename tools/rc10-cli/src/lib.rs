@@ -74,7 +74,7 @@ use terminal::{Painted, Plain, tell, tell_progress, width};
 
 pub use crate::robot::base::Base;
 pub use crate::robot::description::{
-    ArmPart, ContactPart, Description, LinePart, SerialPart, Shape, Simulated, Twin, VoltagePart,
+    ArmPart, ContactPart, Description, LinePart, Partner, SerialPart, Shape, Simulated, Twin, VoltagePart,
 };
 pub use crate::robot::mistake::Mistake;
 pub use crate::robot::motor::{Device, Motor, Place, Plant};
@@ -337,16 +337,8 @@ pub fn with<P: Program, R>(
 ///
 /// # Errors
 /// Those of [`Robot::of`].
-pub fn robot_for_good<P: Simulated>() -> anyhow::Result<Robot<'static>>
-where
-    P::Name: 'static,
-    P::Own: 'static,
-    P::Motors: 'static,
-{
-    let buses: Vec<_> = P::Name::BUSES.iter().map(|_| BusPort::new()).collect();
-    let lines: Vec<_> = (0..P::Name::LINES).map(|_| Rs485Port::new()).collect();
-    let shared = Box::leak(Box::new(Common::new(PortsOf::new(buses.leak(), lines.leak()))));
-    robot_of::<P>(shared, Box::leak(Box::default()))
+pub fn robot_for_good<P: Simulated>() -> anyhow::Result<Robot<'static>> {
+    Robot::for_good::<P>(P::description())
 }
 
 /// Begins `rc10 live` with these words, `--sim` or `--emu ELF` among them, for a page in the same browser. `again` sets

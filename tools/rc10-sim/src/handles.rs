@@ -24,9 +24,18 @@ use crate::{Controller, Nanos};
 pub struct Bus {
     pub(crate) inner: Rc<RefCell<Inner>>,
     pub(crate) index: usize,
+    /// Whose end it is: of the controllers on the wire the first, or another.
+    pub(crate) plug: usize,
 }
 
 impl Bus {
+    /// The same wire as another board on it has it: with a controller of its own, its own cut, and its own trace.
+    #[must_use]
+    pub fn another_end(&self) -> Self {
+        let plug = self.with_wire(|wire, _| wire.add_plug());
+        Self { plug, ..self.clone() }
+    }
+
     /// Puts an ESC with its motor on the bus, powered, at rest.
     ///
     /// Two ESCs of one feedback id are allowed, as on a real bus; see
@@ -51,7 +60,7 @@ impl Bus {
     /// The port of the bus's own controller: all its ports share it.
     pub fn port(&self) -> SimPort {
         let inner = self.inner.borrow();
-        let host = Rc::clone(&inner.wires[self.index].host);
+        let host = Rc::clone(inner.wires[self.index].host(self.plug));
         SimPort { host, clock: Rc::clone(&inner.clock) }
     }
 
@@ -63,7 +72,7 @@ impl Bus {
     ///
     /// The world borrows the controller while time passes; between its calls it is the caller's.
     pub fn attach(&self, controller: Rc<RefCell<dyn Controller>>) {
-        self.with_wire(|wire, now| wire.attach(controller, now));
+        self.with_wire(|wire, now| wire.attach(self.plug, controller, now));
     }
 
     /// A foreign node sends a frame, after those it was given before. It is on the bus, and
@@ -82,7 +91,7 @@ impl Bus {
     /// Cut off it hears nothing, and its frames are not acknowledged: it repeats them until it is
     /// connected again. Faults of the wire do not reach it there.
     pub fn set_cut(&self, cut: bool) {
-        self.with_wire(|wire, now| wire.set_cut(cut, now));
+        self.with_wire(|wire, now| wire.set_cut(self.plug, cut, now));
     }
 
     /// Shorts the two wires of the bus (CANH to CANL), or takes the short away.
@@ -120,7 +129,7 @@ impl Bus {
     /// tracing is off.
     #[must_use]
     pub fn take_trace(&self) -> Vec<TraceEntry> {
-        self.with_wire(|wire, _| wire.trace.as_mut().map(std::mem::take).unwrap_or_default())
+        self.with_wire(|wire, _| wire.take_trace(self.plug))
     }
 
     /// Load of the bus since the world's start, in per cent. A frame counts when it has ended, and

@@ -6,7 +6,8 @@ use crate::Nanos;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Sender {
-    Controller,
+    /// The number of its place.
+    Controller(usize),
     Node(usize),
     Foreign,
 }
@@ -20,8 +21,8 @@ pub(crate) struct Transmission {
     pub(crate) end: Nanos,
     /// Why it is no frame, as its listeners see it.
     pub(crate) failed: Option<BusError>,
-    /// Whether the controller has listened from its start on.
-    pub(crate) controller_hears: bool,
+    /// A bit for each controller that has listened from its start on.
+    pub(crate) heard_by: u32,
 }
 
 impl Transmission {

@@ -99,58 +99,85 @@ pub(crate) fn urgency(frame: &CanFrame) -> (Id, bool) {
     (frame.id(), frame.is_remote())
 }
 
-pub(crate) struct Wire {
-    pub(crate) bit_time_ns: u64,
-    /// The bus's own controller.
-    pub(crate) host: Rc<RefCell<Host>>,
+/// A controller's place on a wire.
+struct Plug {
+    /// The place's own controller.
+    host: Rc<RefCell<Host>>,
     /// The host, unless another controller was attached.
     controller: Rc<RefCell<dyn Controller>>,
+    /// The wire's end at a controller that is cut off: no other node is there.
+    stub: Segment,
+    cut: bool,
+    /// Whether the controller is connected, when that was looked at last.
+    connected: bool,
+    /// The activity that the controller was told last.
+    told: Option<Activity>,
+    /// The frames on the wire, as its owner sees them.
+    trace: Option<Vec<TraceEntry>>,
+}
+
+impl Plug {
+    fn new(config: BusConfig, bit_time_ns: u64) -> Self {
+        let host = Rc::new(RefCell::new(Host::new(config.receive_capacity, bit_time_ns)));
+        Self {
+            controller: Rc::<RefCell<Host>>::clone(&host),
+            host,
+            stub: Segment::Idle,
+            cut: false,
+            connected: true,
+            told: None,
+            trace: config.trace.then(Vec::new),
+        }
+    }
+
+    fn is_on_bus(&self) -> bool {
+        self.controller.borrow().is_on_bus()
+    }
+
+    /// What it has to send, if it may begin now.
+    fn offer(&self, bus: &Segment, now: Nanos) -> Option<CanFrame> {
+        let may_start = self.stub.is_idle() && (bus.is_idle() || !self.connected);
+        let mut controller = self.controller.borrow_mut();
+        (may_start && controller.is_on_bus()).then(|| controller.offer(now)).flatten()
+    }
+}
+
+pub(crate) struct Wire {
+    pub(crate) bit_time_ns: u64,
+    plugs: Vec<Plug>,
     pub(crate) nodes: Vec<Node>,
     /// Frames that a foreign node has to send.
     pub(crate) foreign: VecDeque<CanFrame>,
     bus: Segment,
-    /// The wire's end at a controller that is cut off: no other node is there.
-    stub: Segment,
-    cut: bool,
     shorted: bool,
     held: bool,
     /// Frames that noise is going to destroy.
     pub(crate) to_damage: u32,
-    /// Whether the controller is connected, when that was looked at last.
-    connected: bool,
     /// The time of the next event here, and whether something was done since that was asked.
     pub(crate) due: Nanos,
     pub(crate) touched: bool,
-    /// The activity that the controller was told last.
-    told: Option<Activity>,
-    pub(crate) trace: Option<Vec<TraceEntry>>,
     pub(crate) counters: BusCounters,
     pub(crate) occupancy: Occupancy,
+    config: BusConfig,
 }
 
 impl Wire {
     pub(crate) fn new(config: BusConfig, start: Nanos) -> Self {
         let bit_time_ns = u64::from(config.bit_time_ns.max(FASTEST_BIT_NS));
-        let host = Rc::new(RefCell::new(Host::new(config.receive_capacity, bit_time_ns)));
         Self {
             bit_time_ns,
-            controller: Rc::<RefCell<Host>>::clone(&host),
-            host,
+            plugs: vec![Plug::new(config, bit_time_ns)],
             nodes: Vec::new(),
             foreign: VecDeque::new(),
             bus: Segment::Idle,
-            stub: Segment::Idle,
-            cut: false,
             shorted: false,
             held: false,
             to_damage: 0,
-            connected: true,
             due: Nanos::ZERO,
             touched: true,
-            told: None,
-            trace: config.trace.then(Vec::new),
             counters: BusCounters::default(),
             occupancy: Occupancy::since(start),
+            config,
         }
     }
 
@@ -162,6 +189,21 @@ impl Wire {
     pub(crate) fn join(&mut self, now: Nanos) -> usize {
         self.nodes.push(Node { present_since: Some(now), queue: VecDeque::new(), overwritten: 0 });
         self.nodes.len() - 1
+    }
+
+    /// Another controller's place on the wire; its number.
+    pub(crate) fn add_plug(&mut self) -> usize {
+        self.plugs.push(Plug::new(self.config, self.bit_time_ns));
+        self.plugs.len() - 1
+    }
+
+    /// The own controller of a place.
+    pub(crate) fn host(&self, plug: usize) -> &Rc<RefCell<Host>> {
+        &self.plugs[plug].host
+    }
+
+    pub(crate) fn take_trace(&mut self, plug: usize) -> Vec<TraceEntry> {
+        self.plugs[plug].trace.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// Switches an ESC's power: what it had to send is gone, and what it sends is no frame.
@@ -190,19 +232,23 @@ impl Wire {
     }
 
     /// Another controller in the place of the present one, whose frame on the wire breaks off.
-    pub(crate) fn attach(&mut self, controller: Rc<RefCell<dyn Controller>>, now: Nanos) {
-        let cut = std::mem::replace(&mut self.cut, true);
-        self.look_at_controller(now);
-        self.cut = cut;
-        self.stub = Segment::Idle;
-        self.controller = controller;
-        self.told = None;
-        self.look_at_controller(now);
+    pub(crate) fn attach(
+        &mut self,
+        plug: usize,
+        controller: Rc<RefCell<dyn Controller>>,
+        now: Nanos,
+    ) {
+        let cut = std::mem::replace(&mut self.plugs[plug].cut, true);
+        self.look_at_controllers(now);
+        let place = &mut self.plugs[plug];
+        (place.cut, place.stub, place.told) = (cut, Segment::Idle, None);
+        place.controller = controller;
+        self.look_at_controllers(now);
     }
 
-    pub(crate) fn set_cut(&mut self, cut: bool, now: Nanos) {
-        self.cut = cut;
-        self.look_at_controller(now);
+    pub(crate) fn set_cut(&mut self, plug: usize, cut: bool, now: Nanos) {
+        self.plugs[plug].cut = cut;
+        self.look_at_controllers(now);
     }
 
     pub(crate) fn set_shorted(&mut self, shorted: bool, now: Nanos) {
@@ -228,9 +274,9 @@ impl Wire {
 
     /// Asks when the next event happens here by itself.
     pub(crate) fn ask(&mut self) {
-        let events = [self.bus.next_event(), self.stub.next_event()];
-        let controller = self.controller.borrow().next_event();
-        self.due = events.into_iter().chain([controller]).flatten().fold(Nanos::NEVER, Nanos::min);
+        let of_plug = |plug: &Plug| [plug.stub.next_event(), plug.controller.borrow().next_event()];
+        let events = self.plugs.iter().flat_map(of_plug).chain([self.bus.next_event()]);
+        self.due = events.flatten().fold(Nanos::NEVER, Nanos::min);
     }
 
     /// Carries out what happens by itself now. An acknowledged frame is the caller's to hand to the
@@ -240,21 +286,21 @@ impl Wire {
             return None;
         }
         self.touched = true;
-        {
-            let mut controller = self.controller.borrow_mut();
+        let interframe = self.bits(INTERFRAME);
+        for Plug { controller, stub, .. } in &mut self.plugs {
+            let mut controller = controller.borrow_mut();
             if controller.next_event().is_some_and(|at| at <= now) {
                 controller.advance(now);
             }
+            if let Some(air) = stub.end_frame(now, interframe) {
+                let outcome = match air.failed {
+                    Some(_) => Outcome::Destroyed(BusError::Bit),
+                    None => Outcome::Unacknowledged,
+                };
+                controller.sent(outcome, air.end);
+            }
+            stub.end_gap(now);
         }
-        let interframe = self.bits(INTERFRAME);
-        if let Some(air) = self.stub.end_frame(now, interframe) {
-            let outcome = match air.failed {
-                Some(_) => Outcome::Destroyed(BusError::Bit),
-                None => Outcome::Unacknowledged,
-            };
-            self.controller.borrow_mut().sent(outcome, air.end);
-        }
-        self.stub.end_gap(now);
         if let Some((since, until)) = self.bus.end_gap(now) {
             self.occupancy.add(since, until);
         }
@@ -278,39 +324,44 @@ impl Wire {
     /// Arbitration on an idle wire: all nodes that have a frame compete now.
     pub(crate) fn arbitrate(&mut self, now: Nanos) {
         self.touched = false;
-        self.look_at_controller(now);
-        let offer = self.offer(now);
-        if let Some(frame) = offer
-            && !self.connected
-        {
-            let mut air = self.transmission(frame, Sender::Controller, now);
-            if !self.controller.borrow().hears_itself() {
-                air.fail(BusError::Bit, now + self.bits(1 + ERROR_FRAME));
+        self.look_at_controllers(now);
+        for at in 0..self.plugs.len() {
+            let plug = &self.plugs[at];
+            if plug.connected {
+                continue;
             }
-            self.stub = Segment::Frame(air);
-            self.controller.borrow_mut().sending(now);
+            if let Some(frame) = plug.offer(&self.bus, now) {
+                let mut air = self.transmission(frame, Sender::Controller(at), now);
+                if !plug.controller.borrow().hears_itself() {
+                    air.fail(BusError::Bit, now + self.bits(1 + ERROR_FRAME));
+                }
+                plug.controller.borrow_mut().sending(now);
+                self.plugs[at].stub = Segment::Frame(air);
+            }
         }
         if self.bus.is_idle() {
-            self.compete(offer.filter(|_| self.connected), now);
+            self.compete(now);
         }
         self.tell(now);
         self.ask();
     }
 
-    fn offer(&self, now: Nanos) -> Option<CanFrame> {
-        let may_start = self.stub.is_idle() && (self.bus.is_idle() || !self.connected);
-        let mut controller = self.controller.borrow_mut();
-        (may_start && controller.is_on_bus()).then(|| controller.offer(now)).flatten()
-    }
-
-    fn compete(&mut self, offer: Option<CanFrame>, now: Nanos) {
+    fn compete(&mut self, now: Nanos) {
+        let offers = self.plugs.iter().enumerate().filter(|(_, plug)| plug.connected);
+        let offers = offers
+            .filter_map(|(at, plug)| Some((plug.offer(&self.bus, now)?, Sender::Controller(at))));
         let from_nodes = self.nodes.iter().enumerate();
         let from_nodes = from_nodes
             .filter_map(|(index, node)| Some((*node.queue.front()?, Sender::Node(index))));
         let from_foreign = self.foreign.front().map(|&frame| (frame, Sender::Foreign));
-        let mut winner = offer.map(|frame| (frame, Sender::Controller));
-        let mut clash = false;
-        for candidate in from_nodes.chain(from_foreign) {
+        let (mut winner, mut clash) = (None, false);
+        // Of the controllers: which have something to send, and the first of them.
+        let (mut offering, mut first) = (0_u32, None);
+        for candidate in offers.chain(from_nodes).chain(from_foreign) {
+            if let Sender::Controller(at) = candidate.1 {
+                offering |= 1 << at;
+                first = first.or(Some(candidate));
+            }
             match winner.map(|(best, _)| urgency(&candidate.0).cmp(&urgency(&best))) {
                 None | Some(Ordering::Less) => {
                     winner = Some(candidate);
@@ -320,33 +371,34 @@ impl Wire {
                 Some(Ordering::Greater) => (),
             }
         }
-        let Some((mut frame, mut sender)) = winner else {
+        // Shorted all nodes fail at the first bit, controllers too: only one of those counts.
+        let Some((frame, sender)) = first.filter(|_| self.shorted).or(winner) else {
             return;
         };
-        if let Some(offer) = offer
-            && self.shorted
-        {
-            // All nodes fail at the first bit, the controller too: only it counts.
-            (frame, sender) = (offer, Sender::Controller);
-        }
         self.counters.id_clashes += u64::from(clash && !self.shorted);
-        let mut controller = self.controller.borrow_mut();
         match sender {
-            Sender::Controller => controller.sending(now),
+            Sender::Controller(at) => self.plugs[at].controller.borrow_mut().sending(now),
             Sender::Node(node) => drop(self.nodes[node].queue.pop_front()),
             Sender::Foreign => drop(self.foreign.pop_front()),
         }
-        if offer.is_some() && sender != Sender::Controller {
-            controller.lost_arbitration(now);
-        }
         let mut air = self.transmission(frame, sender, now);
-        air.controller_hears = sender != Sender::Controller
-            && self.connected
-            && !self.shorted
-            && controller.is_on_bus();
+        for (at, plug) in self.plugs.iter().enumerate() {
+            if sender == Sender::Controller(at) {
+                continue;
+            }
+            let mut controller = plug.controller.borrow_mut();
+            if offering & 1 << at != 0 {
+                controller.lost_arbitration(now);
+            }
+            if plug.connected && !self.shorted && controller.is_on_bus() {
+                air.heard_by |= 1 << at;
+            }
+        }
         if self.shorted {
             air.fail(BusError::Bit, now + self.bits(1 + ERROR_FRAME));
-        } else if sender == Sender::Controller && self.is_off_by(&*controller, ESC_TOLERANCE) {
+        } else if let Sender::Controller(at) = sender
+            && self.is_off_by(&*self.plugs[at].controller.borrow(), ESC_TOLERANCE)
+        {
             air.fail(BusError::Stuff, air.end + self.bits(ERROR_FRAME));
         }
         self.bus = Segment::Frame(air);
@@ -354,7 +406,7 @@ impl Wire {
 
     fn transmission(&self, frame: CanFrame, sender: Sender, start: Nanos) -> Transmission {
         let end = start + self.bits(frame.wire_length().total() - INTERFRAME);
-        Transmission { frame, sender, start, end, failed: None, controller_hears: false }
+        Transmission { frame, sender, start, end, failed: None, heard_by: 0 }
     }
 
     /// Whether the controller's bits differ by more than one end follows, in millionths.
@@ -388,54 +440,70 @@ impl Wire {
         }
     }
 
-    /// Notices that the controller has left the bus, or its wire, within a frame.
-    fn look_at_controller(&mut self, now: Nanos) {
-        let on_bus = {
-            let controller = self.controller.borrow();
-            self.connected = !self.cut && controller.is_connected();
-            controller.is_on_bus()
-        };
+    /// Notices that a controller has left the bus, or its wire, within a frame.
+    fn look_at_controllers(&mut self, now: Nanos) {
         let error_end = now + self.bits(ERROR_FRAME);
         let until = error_end + self.bits(INTERFRAME);
-        if let Segment::Frame(air) = &mut self.bus {
-            if air.sender != Sender::Controller {
-                air.controller_hears &= on_bus && self.connected;
-            } else if !self.connected {
-                // It goes on alone; the others destroy what they have of the frame.
-                let broken_off = Segment::Gap { since: air.start, until };
-                self.counters.destroyed += 1;
-                self.stub = std::mem::replace(&mut self.bus, broken_off);
-            } else if !on_bus {
+        for (at, plug) in self.plugs.iter_mut().enumerate() {
+            plug.connected = !plug.cut && plug.controller.borrow().is_connected();
+            let on_bus = plug.is_on_bus();
+            if let Segment::Frame(air) = &mut self.bus {
+                if air.sender != Sender::Controller(at) {
+                    if !on_bus || !plug.connected {
+                        air.heard_by &= !(1 << at);
+                    }
+                } else if !plug.connected {
+                    // It goes on alone; the others destroy what they have of the frame.
+                    let broken_off = Segment::Gap { since: air.start, until };
+                    self.counters.destroyed += 1;
+                    plug.stub = std::mem::replace(&mut self.bus, broken_off);
+                } else if !on_bus {
+                    air.fail(BusError::Stuff, error_end);
+                }
+            }
+            if let Segment::Frame(air) = &mut plug.stub
+                && !on_bus
+            {
                 air.fail(BusError::Stuff, error_end);
             }
-        }
-        if let Segment::Frame(air) = &mut self.stub
-            && !on_bus
-        {
-            air.fail(BusError::Stuff, error_end);
         }
         self.tell(now);
     }
 
-    /// Tells the controller what its wire carries, if that has changed.
+    /// Tells each controller what its wire carries, if that has changed.
     fn tell(&mut self, now: Nanos) {
-        let is_idle = self.stub.is_idle() && (self.bus.is_idle() || !self.connected);
-        let activity = if is_idle { Activity::Idle } else { Activity::Busy };
-        if self.told != Some(activity) {
-            self.told = Some(activity);
-            self.controller.borrow_mut().wire_is(activity, now);
+        for plug in &mut self.plugs {
+            let is_idle = plug.stub.is_idle() && (self.bus.is_idle() || !plug.connected);
+            let activity = if is_idle { Activity::Idle } else { Activity::Busy };
+            if plug.told != Some(activity) {
+                plug.told = Some(activity);
+                plug.controller.borrow_mut().wire_is(activity, now);
+            }
         }
     }
 
     /// Tells all nodes but the ESCs how a frame ended; returns it if they hear it.
     fn finish(&mut self, air: Transmission) -> Option<Transmission> {
-        let understands = {
-            let controller = self.controller.borrow();
+        let is_heard_by = |at: &usize| air.heard_by & 1 << at != 0;
+        let understands = |at: usize| {
+            let controller = self.plugs[at].controller.borrow();
             !self.is_off_by(&*controller, controller.tolerance_ppm())
         };
+        let mut is_acknowledged = (0..self.nodes.len()).any(|node| self.hears(node, &air))
+            || air.sender != Sender::Foreign && !self.foreign.is_empty();
+        for at in (0..self.plugs.len()).filter(is_heard_by) {
+            let understands = understands(at);
+            is_acknowledged |= understands;
+            let mut controller = self.plugs[at].controller.borrow_mut();
+            match air.failed {
+                _ if !understands => controller.disturbed(BusError::Stuff, air.end),
+                Some(error) => controller.disturbed(error, air.end),
+                None => controller.received(&air.frame, air.start, air.end),
+            }
+        }
         let outcome = match air.failed {
             Some(_) => Outcome::Destroyed(BusError::Bit),
-            None if self.is_acknowledged(&air, understands) => Outcome::Acknowledged,
+            None if is_acknowledged => Outcome::Acknowledged,
             None => Outcome::Unacknowledged,
         };
         match outcome {
@@ -443,17 +511,11 @@ impl Wire {
             Outcome::Unacknowledged => self.counters.unacknowledged += 1,
             Outcome::Destroyed(_) => self.counters.destroyed += 1,
         }
-        if air.controller_hears {
-            let mut controller = self.controller.borrow_mut();
-            match air.failed {
-                _ if !understands => controller.disturbed(BusError::Stuff, air.end),
-                Some(error) => controller.disturbed(error, air.end),
-                None => controller.received(&air.frame, air.start, air.end),
-            }
-        }
         let is_heard = outcome == Outcome::Acknowledged;
         match air.sender {
-            Sender::Controller => self.controller.borrow_mut().sent(outcome, air.end),
+            Sender::Controller(at) => {
+                self.plugs[at].controller.borrow_mut().sent(outcome, air.end);
+            }
             Sender::Node(node) if !is_heard && self.nodes[node].was_there_for(&air) => {
                 let node = &mut self.nodes[node];
                 if node.queue.iter().any(|newer| newer.key() == air.frame.key()) {
@@ -468,22 +530,18 @@ impl Wire {
         if !is_heard {
             return None;
         }
-        let at = (air.end + self.bits(INTERFRAME)).micros();
-        if let Some(trace) = &mut self.trace {
-            trace.push(TraceEntry {
-                at,
-                start: air.start,
-                end: air.end,
-                frame: air.frame,
-                from_controller: air.sender == Sender::Controller,
-            });
+        let end = air.end + self.bits(INTERFRAME);
+        for (at, plug) in self.plugs.iter_mut().enumerate() {
+            if let Some(trace) = &mut plug.trace {
+                trace.push(TraceEntry {
+                    at: end.micros(),
+                    start: air.start,
+                    end: air.end,
+                    frame: air.frame,
+                    from_controller: air.sender == Sender::Controller(at),
+                });
+            }
         }
         Some(air)
-    }
-
-    fn is_acknowledged(&self, air: &Transmission, controller_understands: bool) -> bool {
-        air.controller_hears && controller_understands
-            || (0..self.nodes.len()).any(|node| self.hears(node, air))
-            || air.sender != Sender::Foreign && !self.foreign.is_empty()
     }
 }

@@ -190,6 +190,12 @@ impl World {
         }
     }
 
+    /// Another handle of this world, to put more into it. One of them lets time pass.
+    pub fn another(&self) -> Self {
+        let (clock, inner) = (Rc::clone(&self.clock), Rc::clone(&self.inner));
+        Self { clock, inner, awake: Arc::default(), is_instant_over: false }
+    }
+
     /// The time, in whole microseconds.
     pub fn now(&self) -> Micros {
         self.clock.now()
@@ -206,7 +212,7 @@ impl World {
         let mut inner = self.inner.borrow_mut();
         let wire = Wire::new(config, inner.start);
         inner.wires.push(wire);
-        Bus { inner: Rc::clone(&self.inner), index: inner.wires.len() - 1 }
+        Bus { inner: Rc::clone(&self.inner), index: inner.wires.len() - 1, plug: 0 }
     }
 
     /// A new serial line in half duplex (RS-485) with a host and no devices on it.

@@ -1,5 +1,6 @@
 //! A robot for the tools: plain data of its motors and their surroundings.
 
+use std::any::Any;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, ensure};
@@ -55,6 +56,8 @@ pub struct Description {
     pub voltages: Vec<VoltagePart>,
     /// Labels of the servos at the board's outputs for them, in their order.
     pub servos: Vec<&'static str>,
+    /// The robot's other board, which is simulated, or emulated, with it.
+    pub partner: Option<Partner>,
     /// Bit rate of the firmware's console, if not 921,600.
     pub console: Option<u32>,
     /// Script, for reports.
@@ -85,6 +88,16 @@ pub struct SerialPart {
     pub uart: u8,
     /// Puts its simulated twin at the end of a link.
     pub twin: SerialTwin,
+}
+
+/// The other board of a robot: a program of its own, on the bus that both are on.
+#[derive(Clone, Copy, Debug)]
+pub struct Partner {
+    /// The bus that both are on, as this board counts, and as the other one does.
+    pub(crate) buses: [u8; 2],
+    pub(crate) description: fn() -> Description,
+    /// A `Robot<'static>` of it.
+    pub(crate) robot: fn() -> Result<Box<dyn Any>>,
 }
 
 /// An arm: the links that hang on each other, each on a motor.
@@ -305,11 +318,13 @@ impl Description {
             &Twin::Voltage(_, volts) => Some(VoltagePart { divider: f64::from(*divider), volts }),
             Twin::Serial(..) | Twin::Contact(..) => None,
         });
-        let name = Path::new(P::FOLDER).file_name().unwrap_or_default();
+        let folder = Path::new(P::FOLDER).file_name().unwrap_or_default();
+        let board = P::BOARD.to_lowercase();
+        let name = if board.is_empty() { folder.to_string_lossy().into_owned() } else { board };
         Self {
-            name: name.to_string_lossy().into_owned(),
+            name,
             console: Some(P::CONSOLE),
-            firmware: Some(|wanted| build_firmware_in(P::FOLDER, wanted)),
+            firmware: Some(|wanted| build_firmware_in(P::FOLDER, P::BOARD, wanted)),
             serials: imu.into_iter().chain(serials).collect(),
             contacts: contacts.collect(),
             voltages: voltages.collect(),

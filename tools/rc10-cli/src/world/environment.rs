@@ -45,6 +45,8 @@ pub struct Environment {
     pub operator: Option<Operator>,
     /// The line from the console to a PC: [`with_console`](Self::with_console).
     pub console: Option<ConsoleLine>,
+    /// That of the robot's other board, in the same world.
+    pub partner: Option<Box<Self>>,
     /// Buses that are no simulated wires, by their numbers: [`leave_to`](Self::leave_to).
     pub(crate) real: BTreeMap<u8, HostPort>,
 }
@@ -73,9 +75,20 @@ impl Environment {
 
     /// Builds it like [`new`](Self::new), in a world that starts at a later time.
     pub fn starting_at(start: Micros, description: &Description, seed: u64) -> Result<Self> {
-        let mut world = World::starting_at(start, seed);
-        let wires: Vec<_> =
-            (0..description.buses).map(|_| world.add_bus(BusConfig::default())).collect();
+        Self::within(World::starting_at(start, seed), description, None)
+    }
+
+    /// Builds it within a world, of whose wires it shares one: with the number of the bus that it is here.
+    fn within(
+        mut world: World,
+        description: &Description,
+        shared: Option<(u8, &rc10_sim::Bus)>,
+    ) -> Result<Self> {
+        let mut wire = |number| match shared {
+            Some((here, wire)) if here == number => wire.another_end(),
+            _ => world.add_bus(BusConfig::default()),
+        };
+        let wires: Vec<_> = (1..=description.buses).map(&mut wire).collect();
         let lines: Vec<_> =
             description.lines.iter().map(|_| world.add_line(LineConfig::default())).collect();
         let mut motors = Vec::new();
@@ -150,6 +163,19 @@ impl Environment {
             let wire = ReceiverWire::new(receiver, &mut world, &hands);
             remote = Some(RemoteLink { remote: hands, receiver, wire });
         }
+        let mut partner = None;
+        // That of the other board is this one.
+        if let (Some(other), None) = (&description.partner, shared) {
+            let [here, there] = other.buses;
+            let wire = usize::from(here).checked_sub(1).and_then(|at| wires.get(at));
+            let wire = wire.with_context(|| format!("the other board: there is no bus {here}"))?;
+            let around = Self::within(world.another(), &(other.description)(), Some((there, wire)));
+            let mut around = around.context("the other board")?;
+            // One of the two has the remote.
+            operator = operator.or(around.operator.take());
+            remote = remote.or_else(|| around.remote.clone());
+            partner = Some(Box::new(around));
+        }
         let console = None;
         Ok(Self {
             world,
@@ -163,6 +189,7 @@ impl Environment {
             remote,
             operator,
             console,
+            partner,
             real: BTreeMap::new(),
         })
     }
@@ -198,7 +225,7 @@ impl Environment {
     pub(crate) fn leave_to(&mut self, real: BTreeMap<u8, HostPort>) {
         self.motors.iter().for_each(|twin| twin.set_power(false));
         self.serials.iter().for_each(|part| part.set_cut(true));
-        (self.base, self.real) = (None, real);
+        (self.base, self.real, self.partner) = (None, real, None);
     }
 
     /// Runs the robot's tasks and its operator up to a time; time goes on also without tasks.

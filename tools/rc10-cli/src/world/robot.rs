@@ -1,16 +1,17 @@
 //! A robot that is set up: its description, with the buses and tasks of a robot crate.
 
+use std::any::Any;
 use std::iter::zip;
 use std::path::Path;
 use std::pin::Pin;
 use std::rc::Rc;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use embassy_time::Instant;
 use rc10_emu::fault::{Fault, Kind};
 use rc10_module::Reception;
 use rc10_module::store::{Cells, Store};
-use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
+use rc10_motor::embassy::{BusPort, PortsOf, Rs485Port, run_bus, run_rs485};
 use rc10_motor::record::FIRST_LINE;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Verdict};
@@ -20,7 +21,7 @@ use rc10_tasks::{Common, Program, heading, remote, status};
 use rc10_time::Micros;
 
 use crate::args::Injected;
-use crate::robot::description::{Description, PoseSignals};
+use crate::robot::description::{Description, Partner, PoseSignals, Simulated};
 use crate::robot::mistake::Mistake;
 use crate::robot::motor::{BITS_PER_SECOND, Motor, Place};
 use crate::robot::remote::{Receiver, ReceiverPort};
@@ -80,6 +81,35 @@ fn boxed<'r, T>(name: TaskName, task: impl Future<Output = T> + 'r) -> Task<'r> 
         task.await;
     };
     (name, Box::pin(future))
+}
+
+impl Partner {
+    /// The board of another program, with which it shares the bus that is the first of these here, and the second there.
+    #[must_use]
+    pub fn of<P: Simulated>(buses: [u8; 2]) -> Self {
+        let robot = || anyhow::Ok(Box::new(Robot::for_good::<P>(P::description())?) as Box<dyn Any>);
+        Self { buses, description: P::description, robot }
+    }
+
+    /// Its robot, before it runs.
+    pub(crate) fn start(&self) -> Result<Robot<'static>> {
+        let robot = (self.robot)()?.downcast().ok().context("it is no robot")?;
+        Ok(*robot)
+    }
+}
+
+impl Robot<'static> {
+    /// Creates the robot of a program with all its tasks, in the world of `description`; its state lives as long as this
+    /// program.
+    ///
+    /// # Errors
+    /// Those of [`of`](Self::of).
+    pub fn for_good<P: Program>(description: Description) -> Result<Self> {
+        let buses: Vec<_> = P::Name::BUSES.iter().map(|_| BusPort::new()).collect();
+        let lines: Vec<_> = (0..P::Name::LINES).map(|_| Rs485Port::new()).collect();
+        let shared = Box::leak(Box::new(Common::new(PortsOf::new(buses.leak(), lines.leak()))));
+        Self::of::<P>(description, shared, Box::leak(Box::default()))
+    }
 }
 
 impl<'r> Robot<'r> {
@@ -431,8 +461,20 @@ impl<'r> Robot<'r> {
     /// Creates all tasks: those of buses and lines on the wires and lines of `around`, in order,
     /// those of parts on UARTs, and own ones. Fails if buses, lines or UARTs are not as described.
     pub fn tasks(self, around: &Environment) -> Result<Tasks<'r>> {
-        self.check()?;
         let mut tasks = Tasks::new();
+        if let (Some(partner), Some(around)) = (self.description.partner, &around.partner) {
+            partner.start().context("the other board")?.add_to(&mut tasks, around)?;
+        }
+        self.add_to(&mut tasks, around)?;
+        hang::watch(&tasks.running());
+        Ok(tasks)
+    }
+
+    fn add_to<'t>(self, tasks: &mut Tasks<'t>, around: &Environment) -> Result<()>
+    where
+        'r: 't,
+    {
+        self.check()?;
         let buses = self.buses.into_iter().zip(self.ports.buses);
         for (number, ((bus, shared), wire)) in (1..=u8::MAX).zip(buses.zip(&around.wires)) {
             if let Some(inputs) = self.inputs {
@@ -472,8 +514,7 @@ impl<'r> Robot<'r> {
             }));
         }
         own.into_iter().for_each(|(name, task)| tasks.add_as(name, task));
-        hang::watch(&tasks.running());
-        Ok(tasks)
+        Ok(())
     }
 
     /// Takes it apart into its description, buses and lines; fails if they do not match.

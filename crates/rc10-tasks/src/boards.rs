@@ -1,0 +1,452 @@
+//! Two boards of one robot on one CAN bus: topics between them, and one arm state.
+//!
+//! [`Boards`] is declared once for both: the bus on each board, and the topics. When it is compiled, the identifiers are
+//! chosen by the response times of all frames on that bus: as late in the arbitration as they may be. One board
+//! [leads](Role::Leads): it has the remote. The other one follows its arm state, and stops, suspended and disarmed, when it no
+//! longer hears it. A stop of one stops both.
+//!
+//! ```
+//! use rc10_tasks::boards::{Boards, Peer, Role, Topic};
+//! use rc10_time::Micros;
+//!
+//! /// Twist of the base: m/s forward, m/s to the left, rad/s.
+//! const DRIVE: Topic<[f32; 3]> = Topic::new(1, Role::Leads, Micros::from_millis(10));
+//! /// Yaw rate of the chassis, rad/s.
+//! const YAW_RATE: Topic<f32> = Topic::new(2, Role::Follows, Micros::from_millis(5));
+//! const BOARDS: Boards = Boards::new([(&[], 2), (&[], 1)], &[DRIVE.entry(), YAW_RATE.entry()]);
+//!
+//! let chassis = Peer::new();
+//! chassis.tell(&DRIVE, &[0.5, 0.0, 0.0]).unwrap();
+//! ```
+
+use core::cell::RefCell;
+use core::marker::PhantomData;
+
+use embassy_futures::select::{Either, select};
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_time::{Duration, Ticker};
+use rc10_can::embedded_can::{Id, StandardId};
+use rc10_can::{CanFrame, IdPattern};
+use rc10_message::{Stamped, now};
+use rc10_module::remote::RemoteLink;
+use rc10_motor::embassy::{Filter, Received};
+use rc10_motor::plan::{Extra, Plan, Sort};
+use rc10_motor::{Device, Entry, Frames, Names, Place, Rate};
+use rc10_time::Micros;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::common::Common;
+
+mod bond;
+mod parts;
+
+pub use bond::{BEAT, LOST, Link, SILENCE};
+use bond::{Beat, Bond};
+pub use parts::LONGEST;
+use parts::{Incoming, Outgoing};
+
+/// Most topics between two boards, both ways together; they are numbered from 1 on.
+pub const MOST: usize = 7;
+/// Identifiers that they take: four for each topic, and those of the arm states.
+const IDS: u16 = 4 * (MOST as u16 + 1);
+/// The latest end of a frame with an arm state, µs: with a millisecond until it is noticed, one until it leaves and one until
+/// it is taken a change is there within five.
+const LATEST_BEAT: u32 = 2000;
+/// Data bytes of a frame with an arm state.
+const BEAT_LEN: u8 = 6;
+
+/// What a board is to the other one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Role {
+    /// It has the remote, and arms.
+    Leads,
+    /// It has the arm state of the other one.
+    Follows,
+}
+
+/// A value that one board tells the other: a number, an array, or what else [serde](https://serde.rs) knows.
+#[derive(Clone, Copy, Debug)]
+pub struct Topic<T> {
+    entry: TopicEntry,
+    of: PhantomData<fn() -> T>,
+}
+
+/// A topic in the declaration.
+#[derive(Clone, Copy, Debug)]
+pub struct TopicEntry {
+    number: u8,
+    from: Role,
+    period: Micros,
+    size: usize,
+}
+
+impl<T> Topic<T> {
+    /// A topic with its number, the board that tells it, and the shortest time from one value to the next, whole
+    /// milliseconds: what is told more often is told as its newest.
+    pub const fn new(number: u8, from: Role, period: Micros) -> Self {
+        assert!(
+            size_of::<T>() <= LONGEST,
+            "a value of a topic has at most 28 bytes: make two topics of it"
+        );
+        let entry = TopicEntry { number, from, period, size: size_of::<T>() };
+        Self { entry, of: PhantomData }
+    }
+
+    /// Its line of the declaration.
+    #[must_use]
+    pub const fn entry(&self) -> TopicEntry {
+        self.entry
+    }
+}
+
+impl TopicEntry {
+    /// Frames of a value.
+    const fn parts(&self) -> usize {
+        let parts = self.size.div_ceil(parts::BYTES);
+        if parts == 0 { 1 } else { parts }
+    }
+}
+
+/// The declaration of two boards on one bus, the same on both.
+#[derive(Clone, Copy, Debug)]
+pub struct Boards {
+    /// The first identifier.
+    first: u16,
+    /// The bus of each, of the leading one first.
+    buses: [u8; 2],
+    topics: &'static [TopicEntry],
+    declaration: u16,
+}
+
+/// First identifiers, the least urgent first: behind all motors of standard identifiers, before DJI's feedback, before
+/// DJI's commands, before all.
+const FIRSTS: [u16; 6] = [0x7C0, 0x600, 0x3C0, 0x1C0, 0x0C0, 0x000];
+
+impl Boards {
+    /// Two boards: motors and bus number of the leading one and of the following one, as `(Name::ENTRIES, 2)`, and all topics.
+    ///
+    /// # Panics
+    /// In a `const` a compile error: topics are not numbered 1 to 7, each once, or their periods are no whole
+    /// milliseconds; the motors of both clash on the bus; or there are no identifiers by which the arm state arrives within two
+    /// milliseconds, each topic within its period, and each motor's command within its tick.
+    pub const fn new(
+        motors: [(&[Entry<Device>], u8); 2],
+        topics: &'static [TopicEntry],
+    ) -> Self {
+        assert!(topics.len() <= MOST, "two boards have at most 7 topics");
+        let mut at = 0;
+        let mut declaration = 0x811C_9DC5_u32;
+        while at < topics.len() {
+            let TopicEntry { number, from, period, size } = topics[at];
+            assert!(
+                number >= 1 && number as usize <= MOST,
+                "topics of two boards are numbered from 1 to 7"
+            );
+            assert!(
+                period.get() >= 1000 && period.get().is_multiple_of(1000),
+                "the period of a topic is at least 1 ms, and whole milliseconds"
+            );
+            let mut other = 0;
+            while other < at {
+                assert!(topics[other].number != number, "two topics have the same number");
+                other += 1;
+            }
+            let numbers = [number as u32, from as u32, (period.get() / 1000) as u32, size as u32];
+            let mut byte = 0;
+            while byte < numbers.len() {
+                declaration = (declaration ^ numbers[byte]).wrapping_mul(0x0100_0193);
+                byte += 1;
+            }
+            at += 1;
+        }
+        let [(leader, leaders), (follower, followers)] = motors;
+        let both = [(leader, Place::Bus(leaders)), (follower, Place::Bus(followers))];
+        let Some(plan) = Plan::of_both(both, Extra { errors: 0, set_up: false }) else {
+            panic!("a motor of each board has the same identifier on the bus that both are on");
+        };
+        let mut at = 0;
+        while at < FIRSTS.len() {
+            if is_in_time(plan, [leader, follower], FIRSTS[at], topics) {
+                #[expect(clippy::cast_possible_truncation, reason = "both halves")]
+                let declaration = (declaration ^ declaration >> 16) as u16;
+                return Self { first: FIRSTS[at], buses: [leaders, followers], topics, declaration };
+            }
+            at += 1;
+        }
+        panic!(
+            "the topics do not fit on the bus of both boards: at their identifiers they or a motor's command come too late"
+        )
+    }
+
+    /// The first of their identifiers, of 32.
+    #[must_use]
+    pub const fn first(&self) -> u16 {
+        self.first
+    }
+
+    fn pattern(&self) -> IdPattern {
+        IdPattern::standard(self.first).under(!u32::from(IDS - 1))
+    }
+
+    fn frame(&self, number: u8, part: u8, data: &[u8]) -> Option<CanFrame> {
+        let id = StandardId::new(self.first + u16::from(4 * number + part))?;
+        CanFrame::data_frame(id, data).ok()
+    }
+}
+
+/// Whether all is in time with topics at these identifiers, and no motor has one of them.
+const fn is_in_time(
+    motors: Plan,
+    [leader, follower]: [&[Entry<Device>]; 2],
+    first: u16,
+    topics: &[TopicEntry],
+) -> bool {
+    let ids = IdPattern::standard(first).under(!(IDS as u32 - 1));
+    let (mut plan, mut at) = (motors, 0);
+    let of_motors = plan.sorts().len();
+    while at < of_motors {
+        if plan.sorts()[at].frames.pattern.overlap(&ids).is_some() {
+            return false;
+        }
+        at += 1;
+    }
+    // An arm state that changes is told at once: two within a period.
+    let beat = BEAT.get() as u32;
+    at = 0;
+    while at < 2 {
+        let frames = Frames::new(IdPattern::standard(first + at as u16), BEAT_LEN, Rate::Rare);
+        plan = plan.and(frames, beat, beat - 1000);
+        at += 1;
+    }
+    at = 0;
+    while at < topics.len() {
+        let mut part = 0;
+        while part < topics[at].parts() {
+            let id = first + 4 * topics[at].number as u16 + part as u16;
+            let frames = Frames::new(IdPattern::standard(id), 8, Rate::Rare);
+            plan = plan.and(frames, topics[at].period.get() as u32, 1000);
+            part += 1;
+        }
+        at += 1;
+    }
+    let (plan, mut sort) = (plan.settled(), 0);
+    while sort < plan.sorts().len() {
+        let is_late = if sort < of_motors {
+            plan.is_feedback(sort) && {
+                let Sort { motor, command, .. } = plan.sorts()[sort];
+                let entry = if motor < leader.len() {
+                    &leader[motor]
+                } else {
+                    &follower[motor - leader.len()]
+                };
+                match (entry.most_age, command) {
+                    (Some(allowed), _) => is_above(plan.age(sort), allowed.get() as u32),
+                    (None, Some(command)) => is_above(plan.response(command), plan.period(command)),
+                    (None, None) => false,
+                }
+            }
+        } else {
+            // From when it was due: an arm state that changes counts as one that is four milliseconds early.
+            let is_beat = sort < of_motors + 2;
+            let most = if is_beat { beat - 1000 + LATEST_BEAT } else { plan.period(sort) + 1000 };
+            is_above(plan.response(sort), most)
+        };
+        if is_late {
+            return false;
+        }
+        sort += 1;
+    }
+    true
+}
+
+const fn is_above(time: Option<u32>, most: u32) -> bool {
+    match time {
+        Some(time) => time > most,
+        None => true,
+    }
+}
+
+/// Why a value is not told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum TellError {
+    /// Its form on the wire is longer than its size said.
+    #[error("the value takes more bytes than its topic has frames for")]
+    TooLong,
+    /// The other board tells this topic.
+    #[error("the other board tells this topic")]
+    NotOurs,
+}
+
+/// The other board, as a robot's tasks see it: a field of what they share.
+pub struct Peer(Mutex<CriticalSectionRawMutex, RefCell<State>>);
+
+struct State {
+    role: Option<Role>,
+    outgoing: [Outgoing; MOST],
+    incoming: [Incoming; MOST],
+    link: Link,
+    other: Option<Beat>,
+    unsent: u32,
+}
+
+impl Default for Peer {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Peer {
+    /// One that has heard nothing.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Mutex::new(RefCell::new(State {
+            role: None,
+            outgoing: [const { Outgoing::NEW }; MOST],
+            incoming: [const { Incoming::NEW }; MOST],
+            link: Link::Lost,
+            other: None,
+            unsent: 0,
+        })))
+    }
+
+    fn with<R>(&self, work: impl FnOnce(&mut State) -> R) -> R {
+        self.0.lock(|state| work(&mut state.borrow_mut()))
+    }
+
+    /// Tells the other board a value, in place of one that has not left yet: within a millisecond, if the topic's period
+    /// is over.
+    ///
+    /// # Errors
+    /// [`TellError`]; the value before stays.
+    pub fn tell<T: Serialize>(&self, topic: &Topic<T>, value: &T) -> Result<(), TellError> {
+        let mut bytes = [0; LONGEST];
+        let most = (topic.entry.parts() * parts::BYTES).min(LONGEST);
+        let used = postcard::to_slice(value, &mut bytes[..most]);
+        let used = used.map_err(|_| TellError::TooLong)?.len();
+        self.with(|state| {
+            if state.role.is_some_and(|role| role != topic.entry.from) {
+                return Err(TellError::NotOurs);
+            }
+            let place = state.outgoing.get_mut(usize::from(topic.entry.number) - 1);
+            place.ok_or(TellError::NotOurs)?.set(&bytes[..used]);
+            Ok(())
+        })
+    }
+
+    /// The newest value that the other board told, and when its last frame came.
+    pub fn read<T: DeserializeOwned>(&self, topic: &Topic<T>) -> Option<Stamped<T>> {
+        self.with(|state| {
+            let (bytes, at) = state.incoming.get(usize::from(topic.entry.number) - 1)?.newest()?;
+            Some(Stamped { value: postcard::from_bytes(bytes).ok()?, at })
+        })
+    }
+
+    /// The newest value, if it is not older.
+    pub fn newer_than<T: DeserializeOwned>(
+        &self,
+        topic: &Topic<T>,
+        age: Micros,
+        now: Micros,
+    ) -> Option<T> {
+        let Stamped { value, at } = self.read(topic)?;
+        (now.since(at) <= age).then_some(value)
+    }
+
+    /// Values of a topic that did not come, or not whole.
+    pub fn lost<T>(&self, topic: &Topic<T>) -> u32 {
+        self.with(|state| {
+            state.incoming.get(usize::from(topic.entry.number) - 1).map_or(0, Incoming::lost)
+        })
+    }
+
+    /// Frames that found no room in the outbox of the bus.
+    pub fn unsent(&self) -> u32 {
+        self.with(|state| state.unsent)
+    }
+
+    /// Whether the other board is heard.
+    pub fn link(&self) -> Link {
+        self.with(|state| state.link)
+    }
+
+    /// The other board's arm state, as long as it is heard.
+    pub fn arm(&self) -> Option<rc10_motor::ArmState> {
+        self.with(|state| state.other.filter(|_| state.link == Link::Online)).map(|beat| beat.state)
+    }
+
+    /// Speaks with the other board, for ever: a task of the robot. That of the following board is the board's hand at the arm
+    /// switch, in place of a remote's.
+    ///
+    /// # Panics
+    /// All subscriptions of the bus are taken, or the robot does not have it.
+    pub async fn run<N: Names, OWN>(
+        &self,
+        shared: &Common<'_, N, OWN>,
+        boards: &Boards,
+        role: Role,
+    ) -> ! {
+        let bus = &shared.ports.buses[usize::from(boards.buses[role as usize]) - 1];
+        let frames = bus.subscribe(Filter::Pattern(boards.pattern()));
+        let mut frames = frames.expect("a bus has four subscriptions, and all are taken");
+        let mut bond = Bond::new(role, boards.declaration, &shared.switch);
+        self.with(|state| state.role = Some(role));
+        let mut ticker = Ticker::every(Duration::from_millis(1));
+        loop {
+            if let Either::First(received) = select(frames.next(), ticker.next()).await {
+                self.hear(boards, &mut bond, &received);
+            }
+            let now = now();
+            let (link, beat) = bond.step(&shared.switch, now);
+            self.with(|state| (state.link, state.other) = (link, bond.other()));
+            if role == Role::Follows {
+                let link = match link {
+                    Link::Online => RemoteLink::Online,
+                    Link::Interrupted => RemoteLink::Interrupted,
+                    Link::Lost | Link::Different => RemoteLink::Lost,
+                };
+                shared.remote_link.set(link, now);
+            }
+            let send = |number, part, data: &[u8]| {
+                let is_sent = boards.frame(number, part, data).is_some_and(|it| bus.send(&it).is_ok());
+                if !is_sent {
+                    self.with(|state| state.unsent = state.unsent.saturating_add(1));
+                }
+            };
+            if let Some(beat) = beat {
+                send(0, role as u8, &beat);
+            }
+            for TopicEntry { number, from, period, .. } in boards.topics {
+                let place = usize::from(*number) - 1;
+                let due = |state: &mut State| state.outgoing[place].due(*period, now);
+                if *from == role
+                    && let Some(value) = self.with(due)
+                {
+                    value.frames().for_each(|(part, data)| send(*number, part, &data));
+                }
+            }
+        }
+    }
+
+    fn hear(&self, boards: &Boards, bond: &mut Bond, Received { frame, at }: &Received) {
+        let Id::Standard(id) = frame.id() else { return };
+        let Ok(place) = u8::try_from(id.as_raw().wrapping_sub(boards.first)) else { return };
+        let (number, part) = (place / 4, place % 4);
+        if number == 0 {
+            bond.hear(part, frame.bytes(), *at);
+        } else if bond.is_same()
+            && let Some(topic) = boards.topics.iter().find(|it| it.number == number)
+            && topic.from != bond.role
+        {
+            self.with(|state| {
+                state.incoming[usize::from(topic.number) - 1].take(part, frame.bytes(), *at);
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,239 @@
+//! The arm states of two boards: the leading one's is followed, a stop of one stops both.
+
+use rc10_motor::{ArmState, ArmSwitch};
+use rc10_time::Micros;
+
+use super::Role;
+
+/// Time from one arm state that is told to the next, while it does not change.
+pub const BEAT: Micros = Micros::from_millis(5);
+/// Without a word of the other board for this time a follower is suspended: three that were due.
+pub const SILENCE: Micros = Micros::from_millis(15);
+/// After this time it is disarmed, and must see the other board disarmed before it is armed again.
+pub const LOST: Micros = Micros::from_millis(1000);
+/// Words that say that the board has just started.
+const NEW: u8 = 4;
+
+/// Whether the other board is heard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Link {
+    /// It was heard within 15 ms.
+    Online,
+    /// It is silent for less than a second.
+    Interrupted,
+    /// It was not heard yet, or is silent for a second.
+    Lost,
+    /// It was compiled with other topics: nothing of it is taken, and a follower is not armed.
+    Different,
+}
+
+/// What a board says of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Beat {
+    pub(super) state: ArmState,
+    /// It has just started: its stops count anew.
+    is_new: bool,
+    /// Stops that began there, modulo 256.
+    stops: u8,
+    /// The other board's that it has carried out; `None` before it has heard one.
+    carried: Option<u8>,
+}
+
+impl Beat {
+    const NEW: u8 = 1 << 4;
+    const HAS_HEARD: u8 = 1 << 5;
+
+    fn bytes(self, number: u8, declaration: u16) -> [u8; 6] {
+        let state = match self.state {
+            ArmState::Disarmed => 0,
+            ArmState::Armed => 1,
+            ArmState::Suspended => 2,
+            ArmState::EStopped => 3,
+        };
+        let mut flags = state;
+        flags |= if self.is_new { Self::NEW } else { 0 };
+        flags |= if self.carried.is_some() { Self::HAS_HEARD } else { 0 };
+        let [low, high] = declaration.to_le_bytes();
+        [number, flags, self.stops, self.carried.unwrap_or_default(), low, high]
+    }
+
+    /// The number, the declaration and what is said; `None` for what no board says.
+    fn of(bytes: &[u8]) -> Option<(u8, u16, Self)> {
+        let &[number, flags, stops, carried, low, high] = bytes else { return None };
+        let state = match flags & 0x0F {
+            0 => ArmState::Disarmed,
+            1 => ArmState::Armed,
+            2 => ArmState::Suspended,
+            3 => ArmState::EStopped,
+            _ => return None,
+        };
+        let is_new = flags & Self::NEW != 0;
+        let carried = (flags & Self::HAS_HEARD != 0).then_some(carried);
+        Some((number, u16::from_le_bytes([low, high]), Self { state, is_new, stops, carried }))
+    }
+}
+
+/// A board's side of it.
+pub(super) struct Bond {
+    pub(super) role: Role,
+    pub(super) declaration: u16,
+    /// Number of what was told last, what that was, and when.
+    number: u8,
+    told: Option<(Beat, Micros)>,
+    beats: u8,
+    /// What was heard last, its number, and when something new was heard.
+    pub(super) heard: Option<(Beat, u8, Micros)>,
+    is_same: bool,
+    /// Stops of the switch that are known; those of them that began here.
+    seen: u32,
+    own: u8,
+    /// The other board's stops that were carried out.
+    carried: Option<u8>,
+    /// It has just started.
+    is_other_new: bool,
+    /// The leading board was disarmed since the last stop, or since it was lost.
+    may_arm: bool,
+}
+
+impl Bond {
+    pub(super) fn new(role: Role, declaration: u16, switch: &ArmSwitch) -> Self {
+        Self {
+            role,
+            declaration,
+            number: 0,
+            told: None,
+            beats: 0,
+            heard: None,
+            is_same: false,
+            seen: switch.stops(),
+            own: 0,
+            carried: None,
+            is_other_new: false,
+            may_arm: false,
+        }
+    }
+
+    pub(super) fn other(&self) -> Option<Beat> {
+        self.heard.map(|(beat, ..)| beat)
+    }
+
+    /// Whether the other board has the same declaration.
+    pub(super) const fn is_same(&self) -> bool {
+        self.is_same
+    }
+
+    /// Takes an arm state. What a board repeats that is stuck has the same number, and is not heard.
+    pub(super) fn hear(&mut self, from: u8, bytes: &[u8], at: Micros) {
+        let Some((number, declaration, beat)) = Beat::of(bytes) else { return };
+        let is_old = self.heard.is_some_and(|(_, before, _)| before == number);
+        if from == self.role as u8 || is_old {
+            return;
+        }
+        self.is_same = declaration == self.declaration;
+        self.heard = Some((beat, number, at));
+    }
+
+    /// Decides, at least every millisecond: how the other board is heard, and what is to be told now, if anything is.
+    pub(super) fn step(&mut self, switch: &ArmSwitch, now: Micros) -> (Link, Option<[u8; 6]>) {
+        let stops = switch.stops();
+        self.count(stops, 0);
+        let link = match self.heard {
+            None => Link::Lost,
+            Some((.., at)) if now.since(at) > LOST => Link::Lost,
+            Some(_) if !self.is_same => Link::Different,
+            Some((.., at)) if now.since(at) > SILENCE => Link::Interrupted,
+            Some(_) => Link::Online,
+        };
+        if let (Some((beat, ..)), Link::Online) = (self.heard, link) {
+            self.carry(beat, switch);
+        }
+        if self.role == Role::Follows {
+            self.follow(link, switch);
+        }
+        (link, self.tell(switch, now))
+    }
+
+    /// Stops that the switch has had since, all but some of which began here.
+    fn count(&mut self, stops: u32, of_other: u32) {
+        let news = stops.wrapping_sub(self.seen).wrapping_sub(of_other);
+        self.own = self.own.wrapping_add(news as u8);
+        self.seen = stops;
+    }
+
+    /// Carries out the other board's stop.
+    fn carry(&mut self, beat: Beat, switch: &ArmSwitch) {
+        let was_new = core::mem::replace(&mut self.is_other_new, beat.is_new);
+        if beat.is_new && !was_new {
+            self.carried = None;
+        }
+        let is_stop = match self.carried {
+            Some(known) => known != beat.stops,
+            None => beat.state == ArmState::EStopped,
+        };
+        self.carried = Some(beat.stops);
+        if is_stop {
+            self.stop(switch);
+        }
+    }
+
+    fn stop(&mut self, switch: &ArmSwitch) {
+        let before = switch.stops();
+        switch.emergency_stop();
+        let after = switch.stops();
+        // Another one may have come in between; one that is unfit counts none.
+        self.count(after, u32::from(after != before));
+        self.may_arm = false;
+    }
+
+    fn follow(&mut self, link: Link, switch: &ArmSwitch) {
+        match (link, self.heard) {
+            (Link::Online, Some((beat, ..))) => match beat.state {
+                ArmState::EStopped => {
+                    if switch.state() != ArmState::EStopped {
+                        self.stop(switch);
+                    }
+                    self.may_arm = false;
+                }
+                ArmState::Disarmed => {
+                    switch.disarm();
+                    // A hand has ended the stop there; one that began here it must have known.
+                    if beat.carried == Some(self.own) {
+                        switch.reset_after(self.seen);
+                    }
+                    self.may_arm = switch.state() == ArmState::Disarmed;
+                }
+                ArmState::Suspended => switch.suspend(),
+                ArmState::Armed => {
+                    switch.resume();
+                    if core::mem::take(&mut self.may_arm) {
+                        // Refused while it is unfit: the status says so.
+                        let _ = switch.arm();
+                    }
+                }
+            },
+            (Link::Interrupted, _) => switch.suspend(),
+            _ => {
+                switch.disarm();
+                self.may_arm = false;
+            }
+        }
+    }
+
+    /// What is to be told: each change at once, the same every 5 ms.
+    fn tell(&mut self, switch: &ArmSwitch, now: Micros) -> Option<[u8; 6]> {
+        let (state, stops, carried) = (switch.state(), self.own, self.carried);
+        let beat = Beat { state, is_new: self.beats < NEW, stops, carried };
+        let is_due = self.told.is_none_or(|(told, at)| {
+            let since = now.since(at);
+            since >= BEAT || told != beat && since >= Micros::from_millis(1)
+        });
+        if !is_due {
+            return None;
+        }
+        self.told = Some((beat, now));
+        self.beats = self.beats.saturating_add(1);
+        self.number = self.number.wrapping_add(1);
+        Some(beat.bytes(self.number, self.declaration))
+    }
+}
