@@ -63,6 +63,8 @@ mod selftest;
 mod sequences;
 #[path = "firmware/swerve.rs"]
 mod swerve_robot;
+#[path = "firmware/two_boards.rs"]
+mod two_boards_robot;
 #[path = "firmware/unread.rs"]
 mod unread;
 #[path = "firmware/wires.rs"]

@@ -132,10 +132,7 @@ impl Boards {
     /// In a `const` a compile error: topics are not numbered 1 to 7, each once, or their periods are no whole
     /// milliseconds; the motors of both clash on the bus; or there are no identifiers by which the arm state arrives within two
     /// milliseconds, each topic within its period, and each motor's command within its tick.
-    pub const fn new(
-        motors: [(&[Entry<Device>], u8); 2],
-        topics: &'static [TopicEntry],
-    ) -> Self {
+    pub const fn new(motors: [(&[Entry<Device>], u8); 2], topics: &'static [TopicEntry]) -> Self {
         assert!(topics.len() <= MOST, "two boards have at most 7 topics");
         let mut at = 0;
         let mut declaration = 0x811C_9DC5_u32;
@@ -172,7 +169,12 @@ impl Boards {
             if is_in_time(plan, [leader, follower], FIRSTS[at], topics) {
                 #[expect(clippy::cast_possible_truncation, reason = "both halves")]
                 let declaration = (declaration ^ declaration >> 16) as u16;
-                return Self { first: FIRSTS[at], buses: [leaders, followers], topics, declaration };
+                return Self {
+                    first: FIRSTS[at],
+                    buses: [leaders, followers],
+                    topics,
+                    declaration,
+                };
             }
             at += 1;
         }
@@ -411,7 +413,8 @@ impl Peer {
                 shared.remote_link.set(link, now);
             }
             let send = |number, part, data: &[u8]| {
-                let is_sent = boards.frame(number, part, data).is_some_and(|it| bus.send(&it).is_ok());
+                let is_sent =
+                    boards.frame(number, part, data).is_some_and(|it| bus.send(&it).is_ok());
                 if !is_sent {
                     self.with(|state| state.unsent = state.unsent.saturating_add(1));
                 }
@@ -436,8 +439,10 @@ impl Peer {
         let Ok(place) = u8::try_from(id.as_raw().wrapping_sub(boards.first)) else { return };
         let (number, part) = (place / 4, place % 4);
         if number == 0 {
-            bond.hear(part, frame.bytes(), *at);
-        } else if bond.is_same()
+            if bond.hear(part, frame.bytes(), *at) {
+                self.with(|state| state.incoming.iter_mut().for_each(Incoming::start));
+            }
+        } else if bond.is_heard(*at)
             && let Some(topic) = boards.topics.iter().find(|it| it.number == number)
             && topic.from != bond.role
         {

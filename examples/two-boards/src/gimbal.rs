@@ -37,8 +37,10 @@ rc10::live! {
 }
 
 /// 0.02 kg m² on 0.741 N m/A.
-const YAW: Config = Config::new(&GM6020_CURRENT, 1)
-    .with_cascade(Cascade { speed: PidConfig::within(3.0).kp(0.12).ki(0.6), ..GM6020_CURRENT.cascade });
+const YAW: Config = Config::new(&GM6020_CURRENT, 1).with_cascade(Cascade {
+    speed: PidConfig::within(3.0).kp(0.12).ki(0.6),
+    ..GM6020_CURRENT.cascade
+});
 
 /// Speed of the base with the stick at its end, m/s.
 pub const FULL_STICK: f32 = 1.5;

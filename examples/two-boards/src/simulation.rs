@@ -10,7 +10,11 @@ impl Simulated for gimbal::Robot {
             remote: Some(RemoteControl::of::<Self>(&SCRIPT, Some(Micros::from_millis(5000)))),
             partner: Some(Partner::of::<chassis::Robot>([2, 2])),
             mechanisms: vec![Shape::turret("gimbal", gimbal::Name::Yaw, 0.0)],
-            ..Description::of_program::<Self>(|_| Plant::inertia(0.02))
+            // It looks ahead at power-on.
+            ..Description::of_program::<Self>(|_| Plant {
+                rotor: Some(0.0),
+                ..Plant::inertia(0.02)
+            })
         }
     }
 }
@@ -30,7 +34,11 @@ pub const SCRIPT: [ScriptLine; 7] = [
     ScriptLine::new(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     ScriptLine::new(100, "arm", ARMED),
     ScriptLine::new(200, "forward", Controls { left: Stick { x: 0.0, y: 0.6 }, ..ARMED }),
-    ScriptLine::new(1200, "look to the left", Controls { right: Stick { x: -0.5, y: 0.0 }, ..ARMED }),
+    ScriptLine::new(
+        1200,
+        "look to the left",
+        Controls { right: Stick { x: -0.5, y: 0.0 }, ..ARMED },
+    ),
     ScriptLine::new(2200, "ahead of it", Controls { left: Stick { x: 0.0, y: 0.6 }, ..ARMED }),
     ScriptLine::new(3200, "spin below it", Controls { right: Stick { x: 0.0, y: 0.8 }, ..ARMED }),
     ScriptLine::new(4200, "stand", ARMED),

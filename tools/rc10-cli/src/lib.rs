@@ -74,7 +74,8 @@ use terminal::{Painted, Plain, tell, tell_progress, width};
 
 pub use crate::robot::base::Base;
 pub use crate::robot::description::{
-    ArmPart, ContactPart, Description, LinePart, Partner, SerialPart, Shape, Simulated, Twin, VoltagePart,
+    ArmPart, ContactPart, Description, LinePart, Partner, SerialPart, Shape, Simulated, Twin,
+    VoltagePart,
 };
 pub use crate::robot::mistake::Mistake;
 pub use crate::robot::motor::{Device, Motor, Place, Plant};

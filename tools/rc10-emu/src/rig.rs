@@ -13,6 +13,8 @@ const STEP: Nanos = Nanos::new(1_000_000);
 pub struct Rig {
     /// The chip.
     pub machine: Machine,
+    /// The chip of the robot's other board.
+    pub partner: Option<Machine>,
     /// The world around the chip.
     pub world: World,
     /// The buses.
@@ -60,6 +62,7 @@ impl Rig {
         let lines: Vec<_> = lines.into_iter().map(|(_, line)| line).collect();
         Ok(Self {
             machine,
+            partner: None,
             world,
             logs: vec![Vec::new(); buses.len()],
             line_bytes: vec![Vec::new(); lines.len()],
@@ -69,6 +72,26 @@ impl Rig {
             motors,
             next_step: STEP,
         })
+    }
+
+    /// Adds the chip of the robot's other board, on its own ends of wires.
+    ///
+    /// # Errors
+    /// If there is no such UART.
+    pub fn set_partner(
+        &mut self,
+        mut machine: Machine,
+        buses: &[Bus],
+        lines: impl IntoIterator<Item = (u8, Line)>,
+    ) -> Result<()> {
+        for (index, bus) in buses.iter().enumerate() {
+            machine.connect(index, bus);
+        }
+        for (uart, line) in lines {
+            machine.connect_line(uart, &line)?;
+        }
+        self.partner = Some(machine);
+        Ok(())
     }
 
     /// Adds the things with labels, for their faults.
@@ -94,7 +117,10 @@ impl Rig {
         while self.machine.now() < until {
             let next_fault = self.faults.next(self.machine.now()).unwrap_or(until);
             let next = self.next_step.min(next_fault).min(until);
-            self.machine.run(&mut self.world, next)?;
+            match &mut self.partner {
+                Some(other) => self.machine.run_with(other, &mut self.world, next)?,
+                None => self.machine.run(&mut self.world, next)?,
+            }
             self.collect();
             for (begins, kind) in self.faults.act(next) {
                 if let Kind::Other(fault) = kind {

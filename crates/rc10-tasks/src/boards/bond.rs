@@ -11,8 +11,10 @@ pub const BEAT: Micros = Micros::from_millis(5);
 pub const SILENCE: Micros = Micros::from_millis(15);
 /// After this time it is disarmed, and must see the other board disarmed before it is armed again.
 pub const LOST: Micros = Micros::from_millis(1000);
-/// Words that say that the board has just started.
+/// Words behind the first of the other board that say that this one has just started.
 const NEW: u8 = 4;
+/// A number that is farther ahead is one from before.
+const AHEAD: u8 = 127;
 
 /// Whether the other board is heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +83,7 @@ pub(super) struct Bond {
     /// Number of what was told last, what that was, and when.
     number: u8,
     told: Option<(Beat, Micros)>,
+    /// How many were told since the other board was heard.
     beats: u8,
     /// What was heard last, its number, and when something new was heard.
     pub(super) heard: Option<(Beat, u8, Micros)>,
@@ -118,20 +121,25 @@ impl Bond {
         self.heard.map(|(beat, ..)| beat)
     }
 
-    /// Whether the other board has the same declaration.
-    pub(super) const fn is_same(&self) -> bool {
-        self.is_same
-    }
-
-    /// Takes an arm state. What a board repeats that is stuck has the same number, and is not heard.
-    pub(super) fn hear(&mut self, from: u8, bytes: &[u8], at: Micros) {
-        let Some((number, declaration, beat)) = Beat::of(bytes) else { return };
-        let is_old = self.heard.is_some_and(|(_, before, _)| before == number);
-        if from == self.role as u8 || is_old {
-            return;
+    /// Takes an arm state, unless its number is not ahead of the last one: it comes twice, or from a board that is stuck.
+    /// Whether the other board has just started: its values count anew.
+    pub(super) fn hear(&mut self, from: u8, bytes: &[u8], at: Micros) -> bool {
+        let Some((number, declaration, beat)) = Beat::of(bytes) else { return false };
+        let starts = beat.is_new && self.heard.is_none_or(|(before, ..)| !before.is_new);
+        let is_ahead = self.heard.is_none_or(|(_, last, since)| {
+            (1..=AHEAD).contains(&number.wrapping_sub(last)) || at.since(since) > LOST
+        });
+        if from == self.role as u8 || !(is_ahead || starts) {
+            return false;
         }
         self.is_same = declaration == self.declaration;
         self.heard = Some((beat, number, at));
+        starts
+    }
+
+    /// Whether the other board's values are taken: it has the same declaration, and is heard.
+    pub(super) fn is_heard(&self, now: Micros) -> bool {
+        self.is_same && self.heard.is_some_and(|(.., at)| now.since(at) <= SILENCE)
     }
 
     /// Decides, at least every millisecond: how the other board is heard, and what is to be told now, if anything is.
@@ -232,7 +240,7 @@ impl Bond {
             return None;
         }
         self.told = Some((beat, now));
-        self.beats = self.beats.saturating_add(1);
+        self.beats = self.beats.saturating_add(self.heard.is_some().into());
         self.number = self.number.wrapping_add(1);
         Some(beat.bytes(self.number, self.declaration))
     }

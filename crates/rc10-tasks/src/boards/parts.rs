@@ -96,6 +96,11 @@ impl Incoming {
         Some((&self.whole[..self.whole_len], self.at?))
     }
 
+    /// The other board has started anew: its values have other numbers.
+    pub(super) fn start(&mut self) {
+        (self.at, self.come) = (None, 0);
+    }
+
     /// Takes a frame. A second one of the same, and one of a value that is whole already, changes nothing.
     pub(super) fn take(&mut self, frame: u8, data: &[u8], at: Micros) {
         let Some((head, piece)) = data.split_first() else { return };
@@ -104,7 +109,9 @@ impl Incoming {
         if frame >= frames || !is_last && piece.len() != BYTES || piece.len() > BYTES {
             return;
         }
-        if self.at.is_some() && number == self.number {
+        // It comes twice, or from before.
+        let ahead = number.wrapping_sub(self.number) % NUMBERS;
+        if self.at.is_some() && (ahead == 0 || ahead > NUMBERS / 2) {
             return;
         }
         if *head != self.head {
@@ -118,8 +125,7 @@ impl Incoming {
         }
         if self.come == (1_u8 << frames) - 1 {
             if self.at.is_some() {
-                let missed = number.wrapping_sub(self.number).wrapping_sub(1) % NUMBERS;
-                self.lost = self.lost.saturating_add(missed.into());
+                self.lost = self.lost.saturating_add(u32::from(ahead) - 1);
             }
             (self.whole, self.whole_len) = (self.bytes, self.len);
             (self.number, self.at, self.come) = (number, Some(at), 0);

@@ -173,6 +173,23 @@ fn words_twice_damaged_or_of_another_program_are_not_taken() {
     }
     assert_eq!(scene.states()[1], ArmState::Suspended);
 
+    // And one from before, while it was armed, among those of now.
+    let mut scene = Scene::armed();
+    let (_, armed) = scene.bonds[0].step(&scene.switches[0], scene.now + BEAT);
+    scene.pass(40);
+    scene.switches[0].disarm();
+    for _ in 0..100 {
+        scene.bonds[1].hear(0, &armed.unwrap(), scene.now);
+        scene.pass(1);
+    }
+    assert_eq!(scene.states(), [ArmState::Disarmed; 2]);
+    scene.is_whole = false;
+    for _ in 0..100 {
+        scene.bonds[1].hear(0, &armed.unwrap(), scene.now);
+        scene.pass(1);
+    }
+    assert_eq!(scene.links[1], Link::Interrupted);
+
     let mut scene = Scene::armed();
     for bytes in [&[0; 5][..], &[0; 7], &[9, 7, 0, 0, 0, 0], &[]] {
         let before = scene.bonds[1].heard;
@@ -224,7 +241,7 @@ fn of_random_orders_none_leaves_a_follower_armed_under_another_state() {
         }
         // It drives again.
         scene.is_whole = true;
-        scene.pass(10);
+        scene.pass(20);
         scene.reset();
         scene.pass(10);
         scene.switches[0].arm().unwrap();
@@ -256,13 +273,22 @@ fn a_value_of_several_frames_is_whole_or_not_there() {
         assert_eq!(heard.newest(), Some((&[len as u8; LONGEST][..len], at)));
     }
     assert_eq!(heard.lost(), 0);
+    // One from before is none.
+    let before = frames(&tell(&mut told, 3, 28));
+    for _ in 0..5 {
+        for (frame, data) in frames(&tell(&mut told, 4, 28)) {
+            heard.take(frame, &data, at);
+        }
+    }
+    before.iter().for_each(|(frame, data)| heard.take(*frame, data, at));
+    assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[4; 28][..], 1));
     // Of two values a frame each makes none.
     let (one, other) = (frames(&tell(&mut told, 1, 14)), frames(&tell(&mut told, 2, 14)));
     heard.take(0, &one[0].1, at);
     heard.take(1, &other[1].1, at);
     assert_eq!(heard.newest().unwrap().0.len(), 28);
     heard.take(0, &other[0].1, at);
-    assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[2; 14][..], 1));
+    assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[2; 14][..], 2));
     // What no board sends changes nothing.
     for (frame, data) in [(3, &[0x40, 1][..]), (0, &[0x40, 1]), (1, &[]), (0, &[0xC3; 8])] {
         heard.take(frame, data, at);

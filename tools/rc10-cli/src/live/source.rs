@@ -16,7 +16,7 @@ use crate::live::port::{Port, open_port, with_limits};
 use crate::live::reach::{self, LocalRobot};
 use crate::live::shared::Shared;
 use crate::robot::build::Wanted;
-use crate::run::board::program;
+use crate::run::board::{partner, program};
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
 use crate::run::simulation::Simulation;
@@ -288,7 +288,8 @@ fn emulated<'r>(
     let (path, program) = program(elf.as_deref(), robot.description(), Wanted::default())?;
     let console = Some(args.running.baud_of(&robot));
     let Injected { faults, mistakes } = args.injected.clone();
-    let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };
+    let partner = partner(robot.description(), Wanted::default())?;
+    let setup = Setup { seed: args.seed, console, faults, mistakes, partner, ..Setup::default() };
     let named = || path.display().to_string();
     let mut emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
     emulation.forgets = true;

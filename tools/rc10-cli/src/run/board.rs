@@ -43,6 +43,12 @@ pub(crate) fn of(program: &[u8], asked: Option<Board>, crystal: Option<u64>) -> 
     Ok(Board { crystal_hz, ..board })
 }
 
+/// The program of the robot's other board, if it has one, built first.
+pub(crate) fn partner(robot: &Description, wanted: Wanted) -> Result<Option<Vec<u8>>> {
+    let other = robot.partner.map(|it| program(None, &(it.description)(), wanted)).transpose();
+    Ok(other.context("the other board")?.map(|(_, program)| program))
+}
+
 /// The program to run, and where it is: an ELF file, or a robot's own firmware, which is built first. Fails if there is
 /// none, or it cannot be read.
 pub(crate) fn program(

@@ -44,6 +44,8 @@ pub struct Setup {
     pub board: Option<Board>,
     /// Crystal of the board in hertz, if it is another one than usual.
     pub crystal: Option<u64>,
+    /// Program of the robot's other board, if it has one: without a program its chip is not there.
+    pub partner: Option<Vec<u8>>,
     /// Whether what reaches the ticks is taken out of the black box, with the state after each.
     pub record: bool,
 }
@@ -61,6 +63,8 @@ pub struct Emulation<'r> {
     pub servos: Vec<Servo>,
     /// The line from the console to a PC, if there is one.
     pub console: Option<ConsoleLine>,
+    /// What is around the robot's other board, if it has one.
+    pub partner: Option<Box<Environment>>,
     pub(crate) description: Description,
     base: Option<Base>,
     pub(crate) seed: u64,
@@ -102,55 +106,20 @@ impl<'r> Emulation<'r> {
             around = around.with_console(baud);
         }
         let parts = around.parts(&description);
-        let Environment { world, wires, lines: ends, motors, base, serials, .. } = around;
-        let (contacts, voltages) = (around.contacts, around.voltages);
         let servos: Vec<_> = description.servos.iter().map(|_| Servo::default()).collect();
-        let (remote, operator, console) = (around.remote, around.operator, around.console);
-        ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
-        let board = board::of(program, setup.board, setup.crystal)?;
-        let options = Options { seed: setup.seed, board, ..Options::default() };
-        let mut machine = Machine::with(program, options)?;
-        if let Some(base) = &base {
-            machine.parts.base = Some(base.clone());
-        }
-        if let Some(speed) = setup.speed {
-            machine.set_speed(speed);
-        }
-        for (part, link) in description.serials.iter().zip(&serials) {
-            machine.connect_serial(part.uart, link, false).context(part.label)?;
-        }
-        for (has, what, wants, of_robot) in [
-            (board.switches.len(), "inputs for switches", contacts.len(), "contacts"),
-            (board.voltages.len(), "inputs for voltages", voltages.len(), "voltages"),
-            (board.servos.len(), "outputs for servos", servos.len(), "servos"),
-        ] {
-            let name = board.name;
-            ensure!(wants <= has, "{name} has {has} {what}, the robot {wants} {of_robot}");
-        }
-        for (contact, pin) in contacts.iter().zip(board.switches) {
-            machine.connect_contact(pin, contact).context("contacts")?;
-        }
-        for ((part, voltage), pin) in description.voltages.iter().zip(&voltages).zip(board.voltages)
+        let machine = chip(program, &description, setup, &around, &servos)?;
+        let mut other_chip = None;
+        if let (Some(program), Some(other), Some(around)) =
+            (&setup.partner, &description.partner, &around.partner)
         {
-            machine.connect_voltage(*pin, voltage, part.divider).context("voltages")?;
+            let description = (other.description)();
+            let servos: Vec<_> = description.servos.iter().map(|_| Servo::default()).collect();
+            let machine = chip(program, &description, setup, around, &servos);
+            let machine = machine.context("the other board")?;
+            other_chip = Some((machine, around.wires.clone(), around.lines.clone(), description));
         }
-        for (servo, pin) in servos.iter().zip(board.servos) {
-            machine.connect_servo(pin, servo).context("servos")?;
-        }
-        if let Some(line) = &console {
-            machine.connect_serial(CONSOLE, line.serial(), false).context("console")?;
-        }
-        if let (Some(control), Some(link)) = (&description.remote, &remote) {
-            match &link.wire {
-                ReceiverWire::Serial(wire) => {
-                    let inverted = link.receiver.serial().is_some_and(|serial| serial.inverted);
-                    let inverted = inverted != board.inverts_remote;
-                    machine.connect_serial(control.uart, wire, inverted)
-                }
-                ReceiverWire::Pulses(wire) => machine.connect_pulses(board.pulses, wire),
-            }
-            .context("remote")?;
-        }
+        let Environment { world, wires, lines: ends, motors, base, partner, .. } = around;
+        let (remote, operator, console) = (around.remote, around.operator, around.console);
         let on_buses = description.motors.iter().zip(&motors);
         let on_buses = on_buses.filter_map(|(motor, esc)| match motor.on {
             Place::Bus(bus) => Some((usize::from(bus) - 1, esc.clone())),
@@ -163,6 +132,10 @@ impl<'r> Emulation<'r> {
         let ends = uarts.zip(ends).collect();
         let mut rig = Rig::new(machine, world, wires, ends, on_buses.collect(), &of_chip)?;
         rig.connect_parts(parts);
+        if let Some((machine, wires, lines, description)) = other_chip {
+            let uarts = description.lines.iter().map(|part| part.uart);
+            rig.set_partner(machine, &wires, uarts.zip(lines)).context("the other board")?;
+        }
         let seed = setup.seed;
         let black_box = rig.machine.image.symbol(black_box::NAME).ok();
         if let Some(at) = black_box.filter(|_| setup.record) {
@@ -172,6 +145,7 @@ impl<'r> Emulation<'r> {
         Ok(Self {
             rig,
             motors,
+            partner,
             description,
             base,
             seed,
@@ -324,6 +298,61 @@ impl Running for Emulation<'_> {
             remote: self.sight().map(|sight| sight.remote(None)),
         }
     }
+}
+
+/// A chip with a program on the parts of a robot's environment, but not yet on its buses and lines.
+fn chip(
+    program: &[u8],
+    description: &Description,
+    setup: &Setup,
+    around: &Environment,
+    servos: &[Servo],
+) -> Result<Machine> {
+    let buses = around.wires.len();
+    ensure!(buses <= 3, "the chip has three buses, the robot {buses}");
+    let board = board::of(program, setup.board, setup.crystal)?;
+    let options = Options { seed: setup.seed, board, ..Options::default() };
+    let mut machine = Machine::with(program, options)?;
+    machine.parts.base.clone_from(&around.base);
+    if let Some(speed) = setup.speed {
+        machine.set_speed(speed);
+    }
+    for (part, link) in description.serials.iter().zip(&around.serials) {
+        machine.connect_serial(part.uart, link, false).context(part.label)?;
+    }
+    for (has, what, wants, of_robot) in [
+        (board.switches.len(), "inputs for switches", around.contacts.len(), "contacts"),
+        (board.voltages.len(), "inputs for voltages", around.voltages.len(), "voltages"),
+        (board.servos.len(), "outputs for servos", servos.len(), "servos"),
+    ] {
+        let name = board.name;
+        ensure!(wants <= has, "{name} has {has} {what}, the robot {wants} {of_robot}");
+    }
+    for (contact, pin) in around.contacts.iter().zip(board.switches) {
+        machine.connect_contact(pin, contact).context("contacts")?;
+    }
+    let voltages = description.voltages.iter().zip(&around.voltages);
+    for ((part, voltage), pin) in voltages.zip(board.voltages) {
+        machine.connect_voltage(*pin, voltage, part.divider).context("voltages")?;
+    }
+    for (servo, pin) in servos.iter().zip(board.servos) {
+        machine.connect_servo(pin, servo).context("servos")?;
+    }
+    if let Some(line) = &around.console {
+        machine.connect_serial(CONSOLE, line.serial(), false).context("console")?;
+    }
+    if let (Some(control), Some(link)) = (&description.remote, &around.remote) {
+        match &link.wire {
+            ReceiverWire::Serial(wire) => {
+                let inverted = link.receiver.serial().is_some_and(|serial| serial.inverted);
+                let inverted = inverted != board.inverts_remote;
+                machine.connect_serial(control.uart, wire, inverted)
+            }
+            ReceiverWire::Pulses(wire) => machine.connect_pulses(board.pulses, wire),
+        }
+        .context("remote")?;
+    }
+    Ok(machine)
 }
 
 /// SHA-256 over identifier, length and data of all frames in the order of the wire, bus by bus.

@@ -87,7 +87,8 @@ impl Partner {
     /// The board of another program, with which it shares the bus that is the first of these here, and the second there.
     #[must_use]
     pub fn of<P: Simulated>(buses: [u8; 2]) -> Self {
-        let robot = || anyhow::Ok(Box::new(Robot::for_good::<P>(P::description())?) as Box<dyn Any>);
+        let robot =
+            || anyhow::Ok(Box::new(Robot::for_good::<P>(P::description())?) as Box<dyn Any>);
         Self { buses, description: P::description, robot }
     }
 

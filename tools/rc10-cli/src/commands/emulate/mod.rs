@@ -19,7 +19,7 @@ use crate::files::{make_folder, write_file};
 use crate::record::RecordWriter;
 use crate::recording::origin::Origin;
 use crate::robot::build::Wanted;
-use crate::run::board::{self, program};
+use crate::run::board::{self, partner, program};
 use crate::run::emulation::{Emulation, Setup};
 use crate::show::figures::{Figures, verdict};
 use crate::show::print::print_files;
@@ -89,6 +89,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         mistakes,
         board: args.board,
         crystal: args.crystal,
+        partner: partner(robot.description(), wanted)?,
         record: args.record.is_some(),
         ..Setup::default()
     };
