@@ -36,8 +36,10 @@ fn driven(emulation: &mut Emulation<'_>) -> Nanos {
 fn two_chips_drive_as_two_boards() {
     run(&["load:2@0.3s..2.5s"], |emulation| {
         emulation.run(millis(2200)).unwrap();
-        let figures = Figures::of(&emulation.rig);
+        let mut figures = Figures::of(&emulation.rig);
         is_clean(&emulation.rig, &figures);
+        // On the other one it sends when there is something to tell.
+        figures.buses.truncate(1);
         keeps_its_period(&figures);
         let load = emulation.rig.buses[1].load() * 2.2 / 1.9;
         assert!(load > 99.0, "{load}");

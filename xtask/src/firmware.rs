@@ -15,6 +15,9 @@ pub const TEAM: &str = "team-firmware";
 pub const DM_MC02: &str = "dm-mc02";
 pub const ON_DM_MC02: [&str; 4] = [TEAM, "lift-firmware", "omni-firmware", "owl-firmware"];
 
+/// A robot of two programs.
+pub const TWO_BOARDS: &str = "two-boards-firmware";
+
 /// The firmware of every robot of the checkout: a folder in `examples` that has one.
 pub fn robots() -> Result<Vec<String>> {
     let mut robots = Vec::new();

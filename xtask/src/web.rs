@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 use object::build::elf::Builder;
 
 use crate::cargo::{answer, host, root, run as run_command};
-use crate::firmware::{DM_MC02, ON_DM_MC02, build_with, robots};
+use crate::firmware::{DM_MC02, ON_DM_MC02, TWO_BOARDS, build_with, robots};
 use crate::setup::wasm;
 
 /// The module's target.
@@ -56,7 +56,8 @@ pub fn run(rustc: Option<&Path>) -> Result<PathBuf> {
 /// The robots' programs, as they are flashed but without what only a debugger reads: `{"robot": ["board", ..], ..}`.
 fn programs(folder: &Path, rustc: Option<&Path>) -> Result<String> {
     let mut all = Vec::new();
-    for package in robots()? {
+    // The page has one chip.
+    for package in robots()?.into_iter().filter(|package| package != TWO_BOARDS) {
         let name = package.trim_end_matches("-firmware");
         let mut boards = vec!["h723zg"];
         boards.extend(Some(DM_MC02).filter(|_| ON_DM_MC02.contains(&package.as_str())));

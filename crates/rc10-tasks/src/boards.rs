@@ -19,6 +19,11 @@
 //! chassis.tell(&DRIVE, &[0.5, 0.0, 0.0]).unwrap();
 //! ```
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "numbers of seven topics, of 28 bytes, of periods, and counts modulo 256"
+)]
+
 use core::cell::RefCell;
 use core::marker::PhantomData;
 
@@ -187,6 +192,16 @@ impl Boards {
     #[must_use]
     pub const fn first(&self) -> u16 {
         self.first
+    }
+
+    /// The bus that both are on, as the board in a role counts, and as the other one does.
+    #[must_use]
+    pub const fn buses(&self, role: Role) -> [u8; 2] {
+        let [leader, follower] = self.buses;
+        match role {
+            Role::Leads => [leader, follower],
+            Role::Follows => [follower, leader],
+        }
     }
 
     fn pattern(&self) -> IdPattern {
@@ -391,7 +406,7 @@ impl Peer {
         boards: &Boards,
         role: Role,
     ) -> ! {
-        let bus = &shared.ports.buses[usize::from(boards.buses[role as usize]) - 1];
+        let bus = &shared.ports.buses[usize::from(boards.buses(role)[0]) - 1];
         let frames = bus.subscribe(Filter::Pattern(boards.pattern()));
         let mut frames = frames.expect("a bus has four subscriptions, and all are taken");
         let mut bond = Bond::new(role, boards.declaration, &shared.switch);

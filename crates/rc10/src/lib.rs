@@ -81,6 +81,10 @@ pub mod sim {
 mod pages {
     #[doc = include_str!("../../../docs/declaration.md")]
     mod declaration {}
+    #[doc = include_str!("../../../docs/two-boards.md")]
+    mod two_boards {}
+    #[doc = include_str!("../../../docs/two-boards.zh-CN.md")]
+    mod two_boards_in_chinese {}
     #[doc = include_str!("../../../docs/rust.md")]
     mod rust {}
     #[doc = include_str!("../../../docs/from-cpp.md")]

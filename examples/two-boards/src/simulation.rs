@@ -1,14 +1,16 @@
 //! Both boards for the tools on a PC: what is on the shafts, and an operator's script.
 
 use rc10::sim::prelude::*;
+use rc10::tasks::boards::Role;
 
+use crate::boards::BOARDS;
 use crate::{chassis, gimbal};
 
 impl Simulated for gimbal::Robot {
     fn description() -> Description {
         Description {
             remote: Some(RemoteControl::of::<Self>(&SCRIPT, Some(Micros::from_millis(5000)))),
-            partner: Some(Partner::of::<chassis::Robot>([2, 2])),
+            partner: Some(Partner::of::<chassis::Robot>(BOARDS.buses(Role::Leads))),
             mechanisms: vec![Shape::turret("gimbal", gimbal::Name::Yaw, 0.0)],
             // It looks ahead at power-on.
             ..Description::of_program::<Self>(|_| Plant {
@@ -23,7 +25,7 @@ impl Simulated for chassis::Robot {
     fn description() -> Description {
         Description {
             base: Some(Base::of(chassis::BASE.wheels, &chassis::BASE.geometry).with_mass(18.0)),
-            partner: Some(Partner::of::<gimbal::Robot>([2, 2])),
+            partner: Some(Partner::of::<gimbal::Robot>(BOARDS.buses(Role::Follows))),
             ..Description::of_program::<Self>(|_| Plant::default())
         }
     }

@@ -11,7 +11,7 @@ const NUMBERS: u8 = 64;
 
 /// The first byte of a frame: the value's number, and in the upper bits one less than its frames.
 const fn head(number: u8, frames: usize) -> u8 {
-    number % NUMBERS | ((frames - 1) as u8) << 6
+    (number % NUMBERS) | (((frames - 1) as u8) << 6)
 }
 
 /// A value that is told.
