@@ -1,6 +1,9 @@
 //! An emulated STM32H723 that runs the firmware's ELF unchanged, on the wires of `rc10-sim`.
 #![forbid(unsafe_code)]
 
+#[macro_use]
+mod constants;
+
 pub mod board;
 pub mod core;
 pub mod fault;

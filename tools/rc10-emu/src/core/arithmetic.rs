@@ -5,17 +5,10 @@ use super::exceptions::Fault;
 use super::system::CCR;
 use super::{C, Core, Done, N, Q, V, Z};
 
-/// Operations of data processing, as both forms encode them.
-pub(super) const AND: u32 = 0;
-pub(super) const BIC: u32 = 1;
-pub(super) const ORR: u32 = 2;
-pub(super) const ORN: u32 = 3;
-pub(super) const EOR: u32 = 4;
-pub(super) const ADD: u32 = 8;
-pub(super) const ADC: u32 = 10;
-pub(super) const SBC: u32 = 11;
-pub(super) const SUB: u32 = 13;
-pub(super) const RSB: u32 = 14;
+// Operations of data processing, as both forms encode them.
+words! { pub(super)
+    AND: 0, BIC: 1, ORR: 2, ORN: 3, EOR: 4, ADD: 8, ADC: 10, SBC: 11, SUB: 13, RSB: 14,
+}
 
 /// `CCR.DIV_0_TRP`.
 const TRAPS_DIVISION: u32 = 1 << 4;

@@ -8,31 +8,20 @@ use super::{Core, Done, EXCEPTION, FP_ACTIVE, GE, IT, LOCKED_UP, PROCESS_STACK, 
 
 pub(super) const NMI: u32 = 2;
 pub(super) const HARD_FAULT: u32 = 3;
-const MEM_MANAGE: u32 = 4;
-const BUS_FAULT: u32 = 5;
-const USAGE_FAULT: u32 = 6;
-const SV_CALL: u32 = 11;
+words! { MEM_MANAGE: 4, BUS_FAULT: 5, USAGE_FAULT: 6, SV_CALL: 11 }
 pub(super) const PEND_SV: u32 = 14;
 pub(super) const SYSTICK: u32 = 15;
 
 /// A priority that everything can interrupt.
 const LOWEST: i32 = 256;
 
-/// Bits of `HFSR`.
-const VECTTBL: u32 = 1 << 1;
-const FORCED: u32 = 1 << 30;
-const DEBUGEVT: u32 = 1 << 31;
-/// Bits of `FPCCR`: FPU registers are kept, and only when they are needed; that is due; for code
-/// without privileges; for thread mode; and the faults that could have been taken then.
-const ASPEN: u32 = 1 << 31;
-const LSPEN: u32 = 1 << 30;
-const LSPACT: u32 = 1 << 0;
-const USER: u32 = 1 << 1;
-const THREAD: u32 = 1 << 3;
-const HFRDY: u32 = 1 << 4;
-const MMRDY: u32 = 1 << 5;
-const BFRDY: u32 = 1 << 6;
-const MONRDY: u32 = 1 << 8;
+// Bits of `HFSR`.
+bits! { VECTTBL: 1, FORCED: 30, DEBUGEVT: 31 }
+// Bits of `FPCCR`: FPU registers are kept, and only when they are needed; that is due; for code
+// without privileges; for thread mode; and the faults that could have been taken then.
+bits! {
+    ASPEN: 31, LSPEN: 30, LSPACT: 0, USER: 1, THREAD: 3, HFRDY: 4, MMRDY: 5, BFRDY: 6, MONRDY: 8,
+}
 /// `SCR.SLEEPONEXIT`.
 const SLEEPONEXIT: u32 = 1 << 1;
 /// `CCR.NONBASETHRDENA`.

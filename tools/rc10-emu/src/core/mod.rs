@@ -43,12 +43,8 @@ pub(crate) const INTERRUPT_WORDS: usize = 6;
 /// Program counter of a core that locked up (B1.5.15).
 const LOCKED_UP: u32 = 0xFFFF_FFFE;
 
-/// Bits of xPSR (B1.4.2): conditions, saturation, ..
-const N: u32 = 1 << 31;
-const Z: u32 = 1 << 30;
-const C: u32 = 1 << 29;
-const V: u32 = 1 << 28;
-const Q: u32 = 1 << 27;
+// Bits of xPSR (B1.4.2): conditions, saturation, ..
+bits! { N: 31, Z: 30, C: 29, V: 28, Q: 27 }
 /// .. Thumb, which is always set in code that runs, ..
 const T: u32 = 1 << 24;
 /// .. results of parallel additions, the state of an IT block, and the exception.
@@ -56,10 +52,8 @@ const GE: u32 = 0xF << 16;
 const IT: u32 = 0x0600_FC00;
 const EXCEPTION: u32 = 0x1FF;
 
-/// Bits of CONTROL (B1.4.4): thread mode without privilege, its stack, and FPU registers in use.
-const UNPRIVILEGED: u32 = 1;
-const PROCESS_STACK: u32 = 2;
-const FP_ACTIVE: u32 = 4;
+// Bits of CONTROL (B1.4.4): thread mode without privilege, its stack, and FPU registers in use.
+bits! { UNPRIVILEGED: 0, PROCESS_STACK: 1, FP_ACTIVE: 2 }
 
 /// Result of one step of a core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

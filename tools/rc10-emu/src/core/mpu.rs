@@ -4,11 +4,9 @@ use super::bus::Access;
 
 const REGIONS: usize = 16;
 
-/// Bits of `MPU_CTRL`: on, also in handlers of faults, and what is in no region is as without it
-/// for code with privileges.
-const ENABLE: u32 = 1;
-const IN_FAULTS: u32 = 2;
-const BACKGROUND: u32 = 4;
+// Bits of `MPU_CTRL`: on, also in handlers of faults, and what is in no region is as without it
+// for code with privileges.
+bits! { ENABLE: 0, IN_FAULTS: 1, BACKGROUND: 2 }
 /// Attribute of a region: no instruction comes from it.
 const NEVER_EXECUTE: u32 = 1 << 28;
 

@@ -10,9 +10,7 @@ use super::ring::RINGS;
 
 /// HPMS.MSI: what became of the priority message.
 mod stored {
-    pub const NOWHERE: u32 = 0;
-    pub const LOST: u32 = 1;
-    pub const IN_FIFO_0: u32 = 2;
+    words! { pub NOWHERE: 0, LOST: 1, IN_FIFO_0: 2 }
 }
 
 impl Controller {

@@ -5,47 +5,14 @@ use crate::peripherals::registers::{Register, fixed, locking, masked};
 
 /// Offsets from a controller's base address.
 pub(super) mod at {
-    pub const TEST: u32 = 0x10;
-    pub const CCCR: u32 = 0x18;
-    pub const NBTP: u32 = 0x1C;
-    pub const TSCC: u32 = 0x20;
-    pub const TSCV: u32 = 0x24;
-    pub const TOCC: u32 = 0x28;
-    pub const TOCV: u32 = 0x2C;
-    pub const ECR: u32 = 0x40;
-    pub const PSR: u32 = 0x44;
-    pub const IR: u32 = 0x50;
-    pub const IE: u32 = 0x54;
-    pub const ILS: u32 = 0x58;
-    pub const ILE: u32 = 0x5C;
-    pub const GFC: u32 = 0x80;
-    pub const SIDFC: u32 = 0x84;
-    pub const XIDFC: u32 = 0x88;
-    pub const XIDAM: u32 = 0x90;
-    pub const HPMS: u32 = 0x94;
-    pub const NDAT1: u32 = 0x98;
-    pub const NDAT2: u32 = 0x9C;
-    pub const RXF0C: u32 = 0xA0;
-    pub const RXF0S: u32 = 0xA4;
-    pub const RXF0A: u32 = 0xA8;
-    pub const RXBC: u32 = 0xAC;
-    pub const RXF1C: u32 = 0xB0;
-    pub const RXF1S: u32 = 0xB4;
-    pub const RXF1A: u32 = 0xB8;
-    pub const RXESC: u32 = 0xBC;
-    pub const TXBC: u32 = 0xC0;
-    pub const TXFQS: u32 = 0xC4;
-    pub const TXESC: u32 = 0xC8;
-    pub const TXBRP: u32 = 0xCC;
-    pub const TXBAR: u32 = 0xD0;
-    pub const TXBCR: u32 = 0xD4;
-    pub const TXBTO: u32 = 0xD8;
-    pub const TXBCF: u32 = 0xDC;
-    pub const TXBTIE: u32 = 0xE0;
-    pub const TXBCIE: u32 = 0xE4;
-    pub const TXEFC: u32 = 0xF0;
-    pub const TXEFS: u32 = 0xF4;
-    pub const TXEFA: u32 = 0xF8;
+    words! { pub
+        TEST: 0x10, CCCR: 0x18, NBTP: 0x1C, TSCC: 0x20, TSCV: 0x24, TOCC: 0x28, TOCV: 0x2C,
+        ECR: 0x40, PSR: 0x44, IR: 0x50, IE: 0x54, ILS: 0x58, ILE: 0x5C, GFC: 0x80, SIDFC: 0x84,
+        XIDFC: 0x88, XIDAM: 0x90, HPMS: 0x94, NDAT1: 0x98, NDAT2: 0x9C, RXF0C: 0xA0, RXF0S: 0xA4,
+        RXF0A: 0xA8, RXBC: 0xAC, RXF1C: 0xB0, RXF1S: 0xB4, RXF1A: 0xB8, RXESC: 0xBC, TXBC: 0xC0,
+        TXFQS: 0xC4, TXESC: 0xC8, TXBRP: 0xCC, TXBAR: 0xD0, TXBCR: 0xD4, TXBTO: 0xD8, TXBCF: 0xDC,
+        TXBTIE: 0xE0, TXBCIE: 0xE4, TXEFC: 0xF0, TXEFS: 0xF4, TXEFA: 0xF8,
+    }
 }
 
 const INTERRUPTS: u32 = 0x3FFF_FFFF;
@@ -74,15 +41,7 @@ pub(super) const TABLE: &[Register] = &[
 
 /// Bits of CCCR.
 pub(super) mod cccr {
-    pub const INIT: u32 = 1 << 0;
-    pub const CCE: u32 = 1 << 1;
-    pub const ASM: u32 = 1 << 2;
-    pub const CSA: u32 = 1 << 3;
-    pub const CSR: u32 = 1 << 4;
-    pub const MON: u32 = 1 << 5;
-    pub const DAR: u32 = 1 << 6;
-    pub const TEST: u32 = 1 << 7;
-    pub const FDOE: u32 = 1 << 8;
+    bits! { pub INIT: 0, CCE: 1, ASM: 2, CSA: 3, CSR: 4, MON: 5, DAR: 6, TEST: 7, FDOE: 8 }
     /// Writable only during configuration: DAR, FDOE, BRSE, PXHD, EFBI, TXP, NISO.
     pub const PROTECTED: u32 = DAR | FDOE | 1 << 9 | 0b1111 << 12;
     /// May be set only during configuration, and cleared at any time.
@@ -91,23 +50,11 @@ pub(super) mod cccr {
 
 /// Flags of IR; IE and ILS have the same bits.
 pub(super) mod ir {
-    /// The first four are FIFO 0's; those of FIFO 1 and of the event FIFO are in the same order.
-    pub const RF0N: u32 = 1 << 0;
-    pub const RF0W: u32 = 1 << 1;
-    pub const RF0F: u32 = 1 << 2;
-    pub const RF0L: u32 = 1 << 3;
-    pub const HPM: u32 = 1 << 8;
-    pub const TC: u32 = 1 << 9;
-    pub const TCF: u32 = 1 << 10;
-    pub const TFE: u32 = 1 << 11;
-    pub const TSW: u32 = 1 << 16;
-    pub const DRX: u32 = 1 << 19;
-    pub const ELO: u32 = 1 << 22;
-    pub const EP: u32 = 1 << 23;
-    pub const EW: u32 = 1 << 24;
-    pub const BO: u32 = 1 << 25;
-    pub const PEA: u32 = 1 << 27;
-    pub const ARA: u32 = 1 << 29;
+    // The first four are FIFO 0's; those of FIFO 1 and of the event FIFO are in the same order.
+    bits! { pub
+        RF0N: 0, RF0W: 1, RF0F: 2, RF0L: 3, HPM: 8, TC: 9, TCF: 10, TFE: 11, TSW: 16, DRX: 19,
+        ELO: 22, EP: 23, EW: 24, BO: 25, PEA: 27, ARA: 29,
+    }
 }
 
 /// TEST.LBCK: loop back.

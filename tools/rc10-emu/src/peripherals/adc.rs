@@ -50,9 +50,7 @@ const LINEARITY: u64 = 165_010;
 /// quoted from memory.
 const STABLE: u64 = 10;
 
-const IER: u32 = 0x04;
-const CFGR: u32 = 0x0C;
-const CFGR2: u32 = 0x10;
+words! { IER: 0x04, CFGR: 0x0C, CFGR2: 0x10 }
 const SMPR: [u32; 2] = [0x14, 0x18];
 const PCSEL: u32 = 0x1C;
 const SQR: [u32; 4] = [0x30, 0x34, 0x38, 0x3C];
@@ -75,25 +73,14 @@ const TABLE: &[Register] = &[
 ];
 
 // CR.
-const ADEN: u32 = 1 << 0;
-const ADDIS: u32 = 1 << 1;
-const ADSTART: u32 = 1 << 2;
-const JADSTART: u32 = 1 << 3;
-const ADSTP: u32 = 1 << 4;
-const JADSTP: u32 = 1 << 5;
-const ADCALLIN: u32 = 1 << 16;
-const ADVREGEN: u32 = 1 << 28;
-const DEEPPWD: u32 = 1 << 29;
-const ADCAL: u32 = 1 << 31;
+bits! {
+    ADEN: 0, ADDIS: 1, ADSTART: 2, JADSTART: 3, ADSTP: 4, JADSTP: 5, ADCALLIN: 16, ADVREGEN: 28,
+    DEEPPWD: 29, ADCAL: 31,
+}
 /// Bits of CR that only keep what is written: BOOST, ADCALLIN, LINCALRDYW1 to 6, ADCALDIF.
 const CR_STORED: u32 = 3 << 8 | ADCALLIN | 0x3F << 22 | 1 << 30;
 // ISR.
-const ADRDY: u32 = 1 << 0;
-const EOSMP: u32 = 1 << 1;
-const EOC: u32 = 1 << 2;
-const EOS: u32 = 1 << 3;
-const OVR: u32 = 1 << 4;
-const LDORDY: u32 = 1 << 12;
+bits! { ADRDY: 0, EOSMP: 1, EOC: 2, EOS: 3, OVR: 4, LDORDY: 12 }
 // CFGR.
 const EXTEN: u32 = 3 << 10;
 const OVRMOD: u32 = 1 << 12;

@@ -53,14 +53,11 @@ pub(super) struct Sources {
     pub plls: [[u64; 3]; 3],
 }
 
-/// Registers of RCC that shape the tree.
-pub(super) const CFGR: u32 = 0x10;
-pub(super) const D1CFGR: u32 = 0x18;
-pub(super) const D2CFGR: u32 = 0x1C;
-pub(super) const D1CCIPR: u32 = 0x4C;
-pub(super) const D2CCIP1R: u32 = 0x50;
-pub(super) const D2CCIP2R: u32 = 0x54;
-pub(super) const D3CCIPR: u32 = 0x58;
+// Registers of RCC that shape the tree.
+words! { pub(super)
+    CFGR: 0x10, D1CFGR: 0x18, D2CFGR: 0x1C, D1CCIPR: 0x4C, D2CCIP1R: 0x50, D2CCIP2R: 0x54,
+    D3CCIPR: 0x58,
+}
 
 /// Divider by `PRESC` of ADCs and UARTs. Source: RM0468, `ADC_CCR`, `USART_PRESC`.
 pub(super) const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];

@@ -28,9 +28,7 @@ pub(super) const UNREACHABLE: [Range<u32>; 2] =
     [0x0000_0000..0x0001_0000, 0x2000_0000..0x2002_0000];
 
 // Flags of one stream: those of the FIFO and of direct mode never rise here.
-const ERROR: u32 = 1 << 3;
-const HALF: u32 = 1 << 4;
-const COMPLETE: u32 = 1 << 5;
+bits! { ERROR: 3, HALF: 4, COMPLETE: 5 }
 
 // CR.
 const ENABLE: u32 = 1 << 0;
@@ -38,9 +36,7 @@ const ENABLE: u32 = 1 << 0;
 const UNLOCKED: u32 = 0x1F;
 /// PFCTRL, DBM.
 const UNMODELLED: u32 = 1 << 5 | 1 << 18;
-const CIRCULAR: u32 = 1 << 8;
-const PERIPHERAL_INCREMENT: u32 = 1 << 9;
-const MEMORY_INCREMENT: u32 = 1 << 10;
+bits! { CIRCULAR: 8, PERIPHERAL_INCREMENT: 9, MEMORY_INCREMENT: 10 }
 /// TRBUFF.
 const BUFFERABLE: u32 = 1 << 20;
 /// FCR.DMDIS.

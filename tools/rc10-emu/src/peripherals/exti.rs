@@ -5,11 +5,7 @@
 use super::access::{Answer, Write};
 use super::registers::{Register, Registers, masked, plain};
 
-const RISING: u32 = 0x00;
-const FALLING: u32 = 0x04;
-const SOFTWARE: u32 = 0x08;
-const MASK: u32 = 0x80;
-const PENDING: u32 = 0x88;
+words! { RISING: 0x00, FALLING: 0x04, SOFTWARE: 0x08, MASK: 0x80, PENDING: 0x88 }
 
 /// Lines of the first register that have a pending flag.
 const LINES: u32 = 0x3F_FFFF;

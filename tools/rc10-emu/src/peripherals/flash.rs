@@ -23,11 +23,7 @@ pub(crate) const WORD: u32 = 32;
 pub(crate) const SECTOR: u32 = 128 << 10;
 const WORDS: u32 = 8 * SECTOR / WORD;
 
-const ACR: u32 = 0x00;
-const KEYR: u32 = 0x04;
-const CR: u32 = 0x0C;
-const SR: u32 = 0x10;
-const CCR: u32 = 0x14;
+words! { ACR: 0x00, KEYR: 0x04, CR: 0x0C, SR: 0x10, CCR: 0x14 }
 /// `OPTSR_CUR`; of it the level of read-out protection, which is off, and `BOR_LEV` are told.
 pub(super) const OPTSR: u32 = 0x1C;
 pub(super) const READABLE: u32 = 0xAA << 8;
@@ -36,12 +32,7 @@ const ECC_FAR: u32 = 0x60;
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
 // Bits of CR.
-const LOCK: u32 = 1;
-const PG: u32 = 1 << 1;
-const SER: u32 = 1 << 2;
-const BER: u32 = 1 << 3;
-const FW: u32 = 1 << 6;
-const START: u32 = 1 << 7;
+bits! { LOCK: 0, PG: 1, SER: 2, BER: 3, FW: 6, START: 7 }
 /// PSIZE: 8, 16, 32 or 64 bits at once; and SNB, the sector.
 const PSIZE: (u32, u32) = (4, 3);
 const SNB: (u32, u32) = (8, 7);
@@ -51,18 +42,10 @@ const CR_RESET: u32 = 0x31;
 const CR_KEPT: u32 = 0x1FEF_873E;
 
 // Bits of SR. The upper ones are cleared by the same bits of CCR, and interrupt if the same bits of CR are set.
-const BSY: u32 = 1;
-const WBNE: u32 = 1 << 1;
-const QW: u32 = 1 << 2;
-const EOP: u32 = 1 << 16;
-const PGSERR: u32 = 1 << 18;
-const STRBERR: u32 = 1 << 19;
-const INCERR: u32 = 1 << 21;
-const OPERR: u32 = 1 << 22;
-const RDPERR: u32 = 1 << 23;
-const RDSERR: u32 = 1 << 24;
-const SNECCERR: u32 = 1 << 25;
-const DBECCERR: u32 = 1 << 26;
+bits! {
+    BSY: 0, WBNE: 1, QW: 2, EOP: 16, PGSERR: 18, STRBERR: 19, INCERR: 21, OPERR: 22, RDPERR: 23,
+    RDSERR: 24, SNECCERR: 25, DBECCERR: 26,
+}
 const STICKY: u32 = 0x1FEF_0000;
 
 /// Typical times in ns to program a word and to erase a sector, by PSIZE; the longest are twice that. Source: data

@@ -3,16 +3,11 @@
 use super::access::{Answer, Write};
 use super::registers::{Register, Registers, fixed, masked, plain};
 
-const OUTPUT: u32 = 1;
-const ALTERNATE: u32 = 2;
-const ANALOG: u32 = 3;
+words! { OUTPUT: 1, ALTERNATE: 2, ANALOG: 3 }
 
 pub(super) const PINS: usize = 16;
 
-const MODER: u32 = 0x00;
-const OTYPER: u32 = 0x04;
-const PUPDR: u32 = 0x0C;
-const ODR: u32 = 0x14;
+words! { MODER: 0x00, OTYPER: 0x04, PUPDR: 0x0C, ODR: 0x14 }
 const AFR: [u32; 2] = [0x20, 0x24];
 
 /// The registers of a port whose mode, speed and pull registers have these values after a reset.

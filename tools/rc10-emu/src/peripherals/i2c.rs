@@ -43,24 +43,12 @@ const RECEIVE_DMA: u32 = 1 << 15;
 /// SBC, NOSTRETCH, WUPEN, GCEN, SMBHEN, SMBDEN, ALERTEN, PECEN.
 const CR1_UNMODELLED: u32 = 0xFF << 16;
 // CR2.
-const READ: u32 = 1 << 10;
-const LONG_ADDRESS: u32 = 1 << 11;
-const START: u32 = 1 << 13;
-const STOP: u32 = 1 << 14;
-const RELOAD: u32 = 1 << 24;
-const AUTOMATIC_END: u32 = 1 << 25;
+bits! { READ: 10, LONG_ADDRESS: 11, START: 13, STOP: 14, RELOAD: 24, AUTOMATIC_END: 25 }
 // ISR.
-const EMPTY: u32 = 1 << 0;
-const WANTS_BYTE: u32 = 1 << 1;
-const RECEIVED: u32 = 1 << 2;
-const REFUSED: u32 = 1 << 4;
-const STOPPED: u32 = 1 << 5;
-const COMPLETE: u32 = 1 << 6;
-const COMPLETE_RELOAD: u32 = 1 << 7;
-const BUS_ERROR: u32 = 1 << 8;
-const ARBITRATION_LOST: u32 = 1 << 9;
-const OVERRUN: u32 = 1 << 10;
-const BUSY: u32 = 1 << 15;
+bits! {
+    EMPTY: 0, WANTS_BYTE: 1, RECEIVED: 2, REFUSED: 4, STOPPED: 5, COMPLETE: 6, COMPLETE_RELOAD: 7,
+    BUS_ERROR: 8, ARBITRATION_LOST: 9, OVERRUN: 10, BUSY: 15,
+}
 /// Bits that ICR clears: ADDR, NACK, STOP, BERR, ARLO, OVR, PECERR, TIMEOUT, ALERT.
 const CLEARED: u32 = 0x3F38;
 

@@ -72,16 +72,11 @@ const fn row(name: &'static str, base: u32, size: u32, switch: Gate, block: Bloc
     Row { name, base, size, switch, block }
 }
 
-/// Offsets of the buses' enable registers in RCC.
-const AHB3: u32 = 0xD4;
-const AHB1: u32 = 0xD8;
-const AHB2: u32 = 0xDC;
-const AHB4: u32 = 0xE0;
-const APB3: u32 = 0xE4;
-const APB1_LOW: u32 = 0xE8;
-const APB1_HIGH: u32 = 0xEC;
-const APB2: u32 = 0xF0;
-const APB4: u32 = 0xF4;
+// Offsets of the buses' enable registers in RCC.
+words! {
+    AHB3: 0xD4, AHB1: 0xD8, AHB2: 0xDC, AHB4: 0xE0, APB3: 0xE4, APB1_LOW: 0xE8, APB1_HIGH: 0xEC,
+    APB2: 0xF0, APB4: 0xF4,
+}
 const NO_GATE: Gate = None;
 use Block::Unmodelled;
 

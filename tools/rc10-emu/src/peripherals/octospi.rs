@@ -37,20 +37,10 @@ pub(crate) trait SerialMemory: Send {
     fn end(&mut self, now: Nanos);
 }
 
-const CR: u32 = 0x00;
-const DCR1: u32 = 0x08;
-const DCR2: u32 = 0x0C;
-const SR: u32 = 0x20;
-const FCR: u32 = 0x24;
-const DLR: u32 = 0x40;
-const AR: u32 = 0x48;
-const DR: u32 = 0x50;
-const PSMKR: u32 = 0x80;
-const PSMAR: u32 = 0x88;
-const PIR: u32 = 0x90;
-const CCR: u32 = 0x100;
-const TCR: u32 = 0x108;
-const IR: u32 = 0x110;
+words! {
+    CR: 0x00, DCR1: 0x08, DCR2: 0x0C, SR: 0x20, FCR: 0x24, DLR: 0x40, AR: 0x48, DR: 0x50,
+    PSMKR: 0x80, PSMAR: 0x88, PIR: 0x90, CCR: 0x100, TCR: 0x108, IR: 0x110,
+}
 
 const TABLE: &[Register] = &[
     masked(CR, 0, 0x30DF_1FCF),
@@ -71,22 +61,12 @@ const TABLE: &[Register] = &[
 ];
 
 // CR.
-const EN: u32 = 1;
-const ABORT: u32 = 1 << 1;
-const DMAEN: u32 = 1 << 2;
-const APMS: u32 = 1 << 22;
-const OR: u32 = 1 << 23;
+bits! { EN: 0, ABORT: 1, DMAEN: 2, APMS: 22, OR: 23 }
 // SR; the same bits of CR from 16 on enable their interrupts.
-const TEF: u32 = 1;
-const TCF: u32 = 1 << 1;
-const FTF: u32 = 1 << 2;
-const SMF: u32 = 1 << 3;
-const BUSY: u32 = 1 << 5;
+bits! { TEF: 0, TCF: 1, FTF: 2, SMF: 3, BUSY: 5 }
 
-/// CR.FMODE.
-const WRITES: u32 = 0;
-const READS: u32 = 1;
-const POLLS: u32 = 2;
+// CR.FMODE.
+words! { WRITES: 0, READS: 1, POLLS: 2 }
 
 const FIFO: u32 = 32;
 

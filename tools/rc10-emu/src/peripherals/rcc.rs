@@ -57,14 +57,10 @@ impl ResetCause {
 
 /// The address of `RCC_CR`, used in reports of clocks that change without an access.
 pub(super) const CONTROL: u32 = 0x5802_4400;
-const CR: u32 = 0x00;
-const PLLCKSELR: u32 = 0x28;
-const PLLCFGR: u32 = 0x2C;
-const CIFR: u32 = 0x64;
-const CICR: u32 = 0x68;
-const BDCR: u32 = 0x70;
-const CSR: u32 = 0x74;
-const RSR: u32 = 0xD0;
+words! {
+    CR: 0x00, PLLCKSELR: 0x28, PLLCFGR: 0x2C, CIFR: 0x64, CICR: 0x68, BDCR: 0x70, CSR: 0x74,
+    RSR: 0xD0,
+}
 /// RSR.RMVF: removes the reset flags.
 const REMOVE: u32 = 1 << 16;
 /// First and last of the enable registers.

@@ -63,16 +63,11 @@ impl Attached {
 const SPURIOUS: u32 = 3;
 
 // CR1.
-const ENABLE: u32 = 1 << 0;
-const SUSPEND_AT_OVERRUN: u32 = 1 << 8;
-const START: u32 = 1 << 9;
-const SUSPEND: u32 = 1 << 10;
+bits! { ENABLE: 0, SUSPEND_AT_OVERRUN: 8, START: 9, SUSPEND: 10 }
 /// `CRC33_17`, RCRCINI, TCRCINI.
 const CR1_UNMODELLED: u32 = 0b111 << 13;
 // CFG1.
-const RECEIVE_DMA: u32 = 1 << 14;
-const TRANSMIT_DMA: u32 = 1 << 15;
-const CRC: u32 = 1 << 22;
+bits! { RECEIVE_DMA: 14, TRANSMIT_DMA: 15, CRC: 22 }
 // CFG2.
 const MASTER: u32 = 1 << 22;
 const LEAST_FIRST: u32 = 1 << 23;
@@ -80,22 +75,15 @@ const LEAST_FIRST: u32 = 1 << 23;
 const CFG2_UNMODELLED: u32 = 0b111 << 19 | 1 << 15;
 
 // SR.
-const RECEIVED: u32 = 1 << 0;
-const ROOM: u32 = 1 << 1;
-const DUPLEX: u32 = 1 << 2;
-const END: u32 = 1 << 3;
-const FILLED: u32 = 1 << 4;
-const OVERRUN: u32 = 1 << 6;
-const SUSPENDED: u32 = 1 << 11;
-const COMPLETE: u32 = 1 << 12;
-const WORD: u32 = 1 << 15;
+bits! {
+    RECEIVED: 0, ROOM: 1, DUPLEX: 2, END: 3, FILLED: 4, OVERRUN: 6, SUSPENDED: 11, COMPLETE: 12,
+    WORD: 15,
+}
 /// Bits that IFCR clears: EOT, TXTF, UDR, OVR, CRCE, TIFRE, MODF, TSERF, SUSP.
 const CLEARED: u32 = 0x0FF8;
 
-/// CFG2.COMM; 0 is full duplex.
-const TRANSMITS: u32 = 1;
-const RECEIVES: u32 = 2;
-const HALF_DUPLEX: u32 = 3;
+// CFG2.COMM; 0 is full duplex.
+words! { TRANSMITS: 1, RECEIVES: 2, HALF_DUPLEX: 3 }
 
 #[derive(Default)]
 pub(super) struct Spi {

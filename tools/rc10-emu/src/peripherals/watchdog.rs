@@ -9,9 +9,7 @@ use super::access::{AccessKind, Answer, Write};
 use super::clocks::LSI_HZ;
 use crate::time::{Period, time_of};
 
-const KEY_START: u32 = 0xCCCC;
-const KEY_FEED: u32 = 0xAAAA;
-const KEY_UNLOCK: u32 = 0x5555;
+words! { KEY_START: 0xCCCC, KEY_FEED: 0xAAAA, KEY_UNLOCK: 0x5555 }
 
 const COUNTER_MASK: u32 = 0xFFF;
 /// Periods of LSI that an update takes.

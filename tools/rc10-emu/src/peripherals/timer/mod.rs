@@ -80,20 +80,14 @@ pub(super) const TIMERS: [Facts; 15] = [
 ];
 
 // CR1.
-const ENABLE: u32 = 1 << 0;
-const UPDATE_DISABLE: u32 = 1 << 1;
-const UPDATE_REQUEST_SOURCE: u32 = 1 << 2;
-const ONE_PULSE: u32 = 1 << 3;
-const DIRECTION: u32 = 1 << 4;
+bits! { ENABLE: 0, UPDATE_DISABLE: 1, UPDATE_REQUEST_SOURCE: 2, ONE_PULSE: 3, DIRECTION: 4 }
 /// DIR and CMS.
 const OTHER_DIRECTIONS: u32 = 0b111 << 4;
 const RELOAD_PRELOAD: u32 = 1 << 7;
 const FLAG_IN_COUNTER: u32 = 1 << 11;
 
 // BDTR.
-const MAIN_OUTPUT: u32 = 1 << 15;
-const OFF_STATE_IDLE: u32 = 1 << 10;
-const OFF_STATE_RUN: u32 = 1 << 11;
+bits! { MAIN_OUTPUT: 15, OFF_STATE_IDLE: 10, OFF_STATE_RUN: 11 }
 const OFF_STATES: u32 = OFF_STATE_IDLE | OFF_STATE_RUN;
 /// BKP, BK2P.
 const BREAK_POLARITIES: u32 = 1 << 13 | 1 << 25;

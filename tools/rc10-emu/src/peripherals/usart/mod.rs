@@ -40,12 +40,7 @@ pub struct SentByte {
 }
 
 // CR1.
-const ENABLE: u32 = 1 << 0;
-const RECEIVER: u32 = 1 << 2;
-const TRANSMITTER: u32 = 1 << 3;
-const PARITY: u32 = 1 << 10;
-const OVERSAMPLE_8: u32 = 1 << 15;
-const FIFOS: u32 = 1 << 29;
+bits! { ENABLE: 0, RECEIVER: 2, TRANSMITTER: 3, PARITY: 10, OVERSAMPLE_8: 15, FIFOS: 29 }
 /// RTOIE, EOBIE, MME, CMIE.
 const CR1_UNMODELLED: u32 = 1 << 26 | 1 << 27 | 1 << 13 | 1 << 14;
 /// M, OVER8, PCE, PS, WAKE, DEDT, DEAT, FIFOEN: written while disabled only.
@@ -53,9 +48,7 @@ const CR1_LOCKED: u32 =
     1 << 12 | 1 << 28 | 1 << 15 | 1 << 10 | 1 << 9 | 1 << 11 | 0x3FF << 16 | FIFOS;
 const ODD_PARITY: u32 = 1 << 9;
 // CR2.
-const SWAP: u32 = 1 << 15;
-const INVERT_RECEIVE: u32 = 1 << 16;
-const INVERT_TRANSMIT: u32 = 1 << 17;
+bits! { SWAP: 15, INVERT_RECEIVE: 16, INVERT_TRANSMIT: 17 }
 /// DATAINV.
 const INVERT_DATA: u32 = 1 << 18;
 /// LBDIE, CLKEN, LINEN, MSBFIRST, ABREN, RTOEN.
@@ -63,11 +56,7 @@ const CR2_UNMODELLED: u32 = 1 << 6 | 1 << 11 | 1 << 14 | 1 << 19 | 1 << 20 | 1 <
 /// STOP, SWAP, RXINV, TXINV, DATAINV, MSBFIRST, and the synchronous mode's bits.
 const CR2_LOCKED: u32 = 3 << 12 | 0xF << 8 | 1 << 14 | 0x1F << 15;
 // CR3.
-const ERROR_INTERRUPT: u32 = 1 << 0;
-const DMA_RECEIVE: u32 = 1 << 6;
-const DMA_TRANSMIT: u32 = 1 << 7;
-const ONE_SAMPLE: u32 = 1 << 11;
-const OVERRUN_DISABLE: u32 = 1 << 12;
+bits! { ERROR_INTERRUPT: 0, DMA_RECEIVE: 6, DMA_TRANSMIT: 7, ONE_SAMPLE: 11, OVERRUN_DISABLE: 12 }
 /// DDRE.
 const DMA_STOPS_AT_ERROR: u32 = 1 << 13;
 /// DEM, DEP.
@@ -79,19 +68,11 @@ const CR3_LOCKED: u32 = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 8 | 1 << 9 | 0x
 const CR3_UNMODELLED: u32 = 1 << 1 | 1 << 3 | 1 << 5 | 1 << 8 | 1 << 9 | 1 << 23 | 1 << 28;
 
 // ISR.
-const PARITY_ERROR: u32 = 1 << 0;
-const FRAMING: u32 = 1 << 1;
-const NOISE: u32 = 1 << 2;
-const OVERRUN: u32 = 1 << 3;
-const IDLE: u32 = 1 << 4;
-const RECEIVED: u32 = 1 << 5;
-const COMPLETE: u32 = 1 << 6;
-const ROOM: u32 = 1 << 7;
-const BUSY: u32 = 1 << 16;
-const TRANSMIT_ACKNOWLEDGE: u32 = 1 << 21;
-const RECEIVE_ACKNOWLEDGE: u32 = 1 << 22;
-const TRANSMIT_EMPTY: u32 = 1 << 23;
-const RECEIVE_FULL: u32 = 1 << 24;
+bits! {
+    PARITY_ERROR: 0, FRAMING: 1, NOISE: 2, OVERRUN: 3, IDLE: 4, RECEIVED: 5, COMPLETE: 6, ROOM: 7,
+    BUSY: 16, TRANSMIT_ACKNOWLEDGE: 21, RECEIVE_ACKNOWLEDGE: 22, TRANSMIT_EMPTY: 23,
+    RECEIVE_FULL: 24,
+}
 /// Flags that stay until ICR clears them.
 const STICKY: u32 = PARITY_ERROR | FRAMING | NOISE | OVERRUN | IDLE | COMPLETE;
 
