@@ -139,10 +139,8 @@ fn write_sources(language: usize, folder: &Path, wanted: &mut Wanted) -> Result<
     OTHERS.iter().try_for_each(|(name, text)| write(&folder.join(name), text))
 }
 
-/// Makes `target/book` by mdBook.
-///
-/// # Errors
-/// If a page is in no chapter or lacks its twin, a link leads nowhere, or a search does not find.
+/// Makes `target/book` by mdBook. Fails if a page is in no chapter or lacks its twin, a link leads
+/// nowhere, or a search does not find.
 pub fn run(mdbook: &Path) -> Result<()> {
     let book = root().join("target/book");
     let mut wanted = Vec::new();

@@ -102,10 +102,8 @@ impl Report {
         }
     }
 
-    /// Prints the table of docs/check.md.
-    ///
-    /// # Errors
-    /// If a step failed; or was skipped where the output is not looked at (`CI=true`).
+    /// Prints the table of docs/check.md. Fails if a step failed; or was skipped where the output
+    /// is not looked at (`CI=true`).
     fn conclude(&self) -> Result<()> {
         println!("\n== summary");
         println!("| step | s | |\n|---|---:|---|");
@@ -129,8 +127,7 @@ impl Report {
 const DAILY: [&str; 3] =
     ["boots_and_keeps_its_period", "within_their_budgets", "makes_every_bus_safe"];
 
-/// # Errors
-/// If a step failed, or was skipped on a CI machine.
+/// Fails if a step failed, or was skipped on a CI machine.
 pub fn run(is_whole: bool) -> Result<()> {
     let mut report = Report { is_whole, steps: Vec::new() };
     // The compiler for the steps on the chip, or why it is missing.
@@ -293,9 +290,7 @@ fn other_chips(rustc: Option<&Path>) -> Result<()> {
 }
 
 /// A robot of one's own, outside this tree: from its first command to its firmware on the emulated chip.
-///
-/// # Errors
-/// If something of it fails.
+/// Fails if something of it fails.
 pub fn new_robot(has_chip: bool) -> Result<()> {
     let place = env::temp_dir().join(format!("rc10-new-{}", process::id()));
     fs::create_dir_all(&place)?;

@@ -111,10 +111,8 @@ impl Measurement {
     }
 }
 
-/// Runs the program and prints what it measured.
-///
-/// # Errors
-/// If something is above its budget, or nothing was measured, or the program went astray.
+/// Runs the program and prints what it measured. Fails if something is above its budget, or nothing
+/// was measured, or the program went astray.
 pub fn run(program: &Path) -> Result<()> {
     let file = fs::read(program).with_context(|| format!("{}", program.display()))?;
     let program = Program::parse(&file)?;
@@ -141,8 +139,7 @@ pub fn run(program: &Path) -> Result<()> {
     same_walks(&walked)
 }
 
-/// # Errors
-/// If the chip saw other bits than this PC does.
+/// Fails if the chip saw other bits than this PC does.
 fn same_walks(walked: &[(u32, u64)]) -> Result<()> {
     ensure!(walked.len() == walk::WALKS.len(), "{} walks were taken", walked.len());
     for (&(name, walk), (_, chip)) in walk::WALKS.iter().zip(walked) {

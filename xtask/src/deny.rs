@@ -12,10 +12,8 @@ use crate::cargo::{answer, host, root};
 /// A licence for a PC's tools.
 const OF_PC: &str = "MPL-2.0";
 
-/// Looks at every package of every workspace.
-///
-/// # Errors
-/// If one is not as it has to be, or a lock file is stale.
+/// Looks at every package of every workspace. Fails if one is not as it has to be, or a lock file
+/// is stale.
 pub fn run() -> Result<()> {
     let text = fs::read_to_string(root().join("deny.toml"))?;
     let list = text.split_once("\nallow = [").and_then(|(_, rest)| rest.split_once(']'));

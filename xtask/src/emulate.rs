@@ -7,10 +7,8 @@ use anyhow::Result;
 
 use crate::cargo::{host, run as run_command};
 
-/// Runs the scenarios on the program that have one of these in their names, or every one.
-///
-/// # Errors
-/// If one of them fails.
+/// Runs the scenarios on the program that have one of these in their names, or every one. Fails if
+/// one of them fails.
 pub fn run(program: &Path, names: &[&str]) -> Result<()> {
     let run = |test: &str, which: &str, names: &[&str]| {
         let test = format!("test --package rc10-tool --test {test} -- --{which} --show-output");

@@ -7,10 +7,8 @@ use anyhow::{Context, Result, bail};
 use crate::cargo::{answer, root};
 use crate::figures;
 
-/// Makes the table, or the page with it.
-///
-/// # Errors
-/// There is no such table, or git has no history here.
+/// Makes the table, or the page with it. Fails if there is no such table, or git has no history
+/// here.
 pub fn run(what: Option<&str>) -> Result<()> {
     match what {
         None => figures::run("evidence"),

@@ -10,9 +10,7 @@ use crate::cargo::{answer, free, root};
 const BLOCK: &str = "```console\n$ cargo ";
 
 /// Runs the commands of a page in `docs/` again, and writes what they print, also into its twin.
-///
-/// # Errors
-/// If one of them fails, or the page is not as expected.
+/// Fails if one of them fails, or the page is not as expected.
 pub fn run(name: &str) -> Result<()> {
     let page = root().join(format!("docs/{name}.md"));
     let text = fs::read_to_string(&page)?;

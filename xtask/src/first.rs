@@ -10,10 +10,7 @@ use crate::cargo::{host, root, run as run_command};
 const TICK: f64 = 0.01;
 
 /// Compiles what `cargo run` compiles, from nothing, and prints the CPU seconds of it. Those hardly depend on
-/// what else the machine does.
-///
-/// # Errors
-/// If it does not compile, or this is no Linux.
+/// what else the machine does. Fails if it does not compile, or this is no Linux.
 pub fn run() -> Result<()> {
     let target = root().join("target/first");
     let empty = || if target.exists() { fs::remove_dir_all(&target) } else { Ok(()) };

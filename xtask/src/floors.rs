@@ -179,10 +179,8 @@ fn floors(arrows: &Arrows) -> (Vec<Vec<Place>>, Vec<Place>) {
     }
 }
 
-/// Prints the floors of a crate, or of the tools.
-///
-/// # Errors
-/// If files or rooms import each other in a circle, or the tools have too many floors.
+/// Prints the floors of a crate, or of the tools. Fails if files or rooms import each other in a
+/// circle, or the tools have too many floors.
 pub fn run(source: Option<&str>) -> Result<()> {
     let files = files(&root().join(source.unwrap_or(TOOLS)))?;
     let (mut arrows, mut rooms) = (Arrows::new(), Arrows::new());

@@ -12,10 +12,8 @@ const SECONDS: &str = "60";
 const LONGEST: u32 = 512;
 
 /// Fuzzes all targets, or those named. What it finds worth keeping is added to fuzz/corpus; what
-/// breaks a rule is left in fuzz/artifacts.
-///
-/// # Errors
-/// If a rule is broken, there is no such target, or the tools cannot be installed.
+/// breaks a rule is left in fuzz/artifacts. Fails if a rule is broken, there is no such target, or
+/// the tools cannot be installed.
 pub fn run(arguments: impl Iterator<Item = String>) -> Result<()> {
     let mut arguments = arguments.peekable();
     let seconds = arguments.next_if(|text| text.parse::<u32>().is_ok());

@@ -13,10 +13,8 @@ use crate::cargo::{answer, paths, root, run as run_command};
 /// algebra sum in another order.
 const DIFFERS: f64 = 1e-6;
 
-/// Makes all golden files anew; with `check` compares them with those that are there instead.
-///
-/// # Errors
-/// If there is no Python, a script fails, or a file is not what its script makes.
+/// Makes all golden files anew; with `check` compares them with those that are there instead. Fails
+/// if there is no Python, a script fails, or a file is not what its script makes.
 pub fn run(check: bool) -> Result<()> {
     let (folder, python) = (folder(), python()?);
     let mut scripts = paths(&folder)?;
@@ -67,10 +65,8 @@ fn folder() -> PathBuf {
     root().join("crates/rc10-app/tests/golden")
 }
 
-/// The interpreter of a virtual environment with exactly what `requirements.txt` says.
-///
-/// # Errors
-/// If there is no Python, or the packages cannot be installed.
+/// The interpreter of a virtual environment with exactly what `requirements.txt` says. Fails if
+/// there is no Python, or the packages cannot be installed.
 pub fn python() -> Result<PathBuf> {
     let requirements = folder().join("requirements.txt");
     let wanted = fs::read_to_string(&requirements)?;

@@ -12,10 +12,7 @@ const FLASH_BUDGET: u32 = 200 * 1024;
 /// memory.x.
 const RAM_BUDGET: u32 = 64 * 1024;
 
-/// Prints what the program takes.
-///
-/// # Errors
-/// If it takes more than its budget, or cannot be read.
+/// Prints what the program takes. Fails if it takes more than its budget, or cannot be read.
 pub fn run(program: &Path) -> Result<()> {
     let file = fs::read(program).with_context(|| format!("{}", program.display()))?;
     let size = Image::parse(&file)?;

@@ -18,20 +18,15 @@ const PAGE: &str = "tools/rc10-web/page";
 /// Of the shim that gives the module a clock and files in memory (`tools/rc10-web/package.json`).
 const SHIM: &str = "node_modules/@bjorn3/browser_wasi_shim";
 
-/// Makes the folder and has Chromium look at it.
-///
-/// # Errors
-/// It cannot be made, or something of it is not as it should be.
+/// Makes the folder and has Chromium look at it. Fails if it cannot be made, or something of it is
+/// not as it should be.
 pub fn check(rustc: Option<&Path>) -> Result<()> {
     let folder = run(rustc)?;
     let test = "test --package rc10-tool --test all -- --ignored --show-output web::";
     run_command(host(test).env("RC10_WEB", folder))
 }
 
-/// Makes the folder, and says where it is.
-///
-/// # Errors
-/// A part of it cannot be made, or is missing.
+/// Makes the folder, and says where it is. Fails if a part of it cannot be made, or is missing.
 pub fn run(rustc: Option<&Path>) -> Result<PathBuf> {
     let folder = root().join("target/web");
     if folder.exists() {

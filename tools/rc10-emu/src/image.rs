@@ -57,9 +57,7 @@ pub struct MadeFor {
 
 impl MadeFor {
     /// A note of 36 bytes: two texts of 16 that end in zeros, and a number, the low byte first.
-    ///
-    /// # Errors
-    /// If there are more or fewer bytes, or a text is not UTF-8.
+    /// Fails if there are more or fewer bytes, or a text is not UTF-8.
     fn parse(bytes: &[u8]) -> Result<Self> {
         let note: &[u8; 36] = bytes
             .try_into()
@@ -78,10 +76,8 @@ impl MadeFor {
 }
 
 impl Image {
-    /// Reads an ELF file for a 32-bit Arm.
-    ///
-    /// # Errors
-    /// If the file is invalid, cut short, or says nonsense about its board.
+    /// Reads an ELF file for a 32-bit Arm. Fails if the file is invalid, cut short, or says
+    /// nonsense about its board.
     pub fn parse(file: &[u8]) -> Result<Self> {
         let header = FileHeader32::<Endianness>::parse(file).context("no 32-bit ELF file")?;
         let endian = header.endian()?;
@@ -145,10 +141,7 @@ impl Image {
         Ok(Self { segments, functions, symbols, statics, sections, flash, ram, compiler, made_for })
     }
 
-    /// The value of a symbol.
-    ///
-    /// # Errors
-    /// If the program has none of this name.
+    /// The value of a symbol. Fails if the program has none of this name.
     pub fn symbol(&self, name: &str) -> Result<u32> {
         self.symbols.get(name).copied().with_context(|| format!("the program has no {name}"))
     }
@@ -166,10 +159,7 @@ impl Image {
         Some((start, name))
     }
 
-    /// The addresses of the stack: `_stack_end .. _stack_start`.
-    ///
-    /// # Errors
-    /// If the program does not say.
+    /// The addresses of the stack: `_stack_end .. _stack_start`. Fails if the program does not say.
     pub fn stack(&self) -> Result<Range<u32>> {
         Ok(self.symbol("_stack_end")?..self.symbol("_stack_start")?)
     }

@@ -140,10 +140,7 @@ impl Links {
 impl Machine {
     /// Puts a UART (1 for USART1 ..= 10) on a serial link: levels of the link's rate, with
     /// characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2. `inverted`: the line idles low, as
-    /// for SBUS.
-    ///
-    /// # Errors
-    /// If the chip has no such UART, or the link's characters have another length.
+    /// for SBUS. Fails if the chip has no such UART, or the link's characters have another length.
     pub fn connect_serial(&mut self, uart: u8, link: &Serial, inverted: bool) -> Result<()> {
         let config = link.config();
         let connected = Format::of_length(config.bits.into()).is_some_and(|format| {
@@ -157,10 +154,7 @@ impl Machine {
     }
 
     /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`):
-    /// only then nodes hear it, and meanwhile it hears no node.
-    ///
-    /// # Errors
-    /// If the chip has no such UART.
+    /// only then nodes hear it, and meanwhile it hears no node. Fails if the chip has no such UART.
     pub fn connect_line(&mut self, uart: u8, line: &Line) -> Result<()> {
         let far = Far::Line(line.clone());
         let own = SerialLink::new(uart, far, Format::EIGHT_N_1, line.baud(), false);
@@ -179,10 +173,7 @@ impl Machine {
         is_there
     }
 
-    /// Puts a pin on a line of pulses.
-    ///
-    /// # Errors
-    /// If the chip has no such pin.
+    /// Puts a pin on a line of pulses. Fails if the chip has no such pin.
     pub fn connect_pulses(&mut self, pin: Pin, pulses: &Pulses) -> Result<()> {
         let is_there = self.soc().drive_pin(pin.0, pin.1, Some(false), self.now());
         ensure!(is_there, "there is no pin P{}{}", pin.0, pin.1);
@@ -197,10 +188,7 @@ impl Machine {
     }
 
     /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): while it does not pull it low, nothing
-    /// drives it.
-    ///
-    /// # Errors
-    /// If the pin does not lead outside.
+    /// drives it. Fails if the pin does not lead outside.
     pub fn connect_contact(&mut self, pin: Pin, contact: &Contact) -> Result<()> {
         let (contact, mut was_low) = (contact.clone(), contact.pulls_low());
         let leads_outside = self.board().package.bonds(pin.0, pin.1);
@@ -216,9 +204,7 @@ impl Machine {
     }
 
     /// Puts a voltage behind a divider at a pin (port 'A' ..= 'K', 0 ..= 15): at most 3.3 V times that can be told.
-    ///
-    /// # Errors
-    /// If no converter that is modelled measures there.
+    /// Fails if no converter that is modelled measures there.
     pub fn connect_voltage(&mut self, pin: Pin, voltage: &Voltage, divider: f64) -> Result<()> {
         self.set_voltage(pin.0, pin.1, 0)?;
         let (voltage, mut microvolts) = (voltage.clone(), 0);
@@ -233,9 +219,7 @@ impl Machine {
     }
 
     /// Puts a servo at a pin (port 'A' ..= 'K', 0 ..= 15), which is told each pulse when it ends.
-    ///
-    /// # Errors
-    /// If the chip has no such pin.
+    /// Fails if the chip has no such pin.
     pub fn connect_servo(&mut self, pin: Pin, servo: &Servo) -> Result<()> {
         self.record_pin(pin.0, pin.1)?;
         let (servo, mut rose) = (servo.clone(), Nanos::ZERO);

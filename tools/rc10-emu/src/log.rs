@@ -23,8 +23,7 @@ pub(crate) struct Log {
 }
 
 impl Log {
-    /// # Errors
-    /// If the program's table of log messages cannot be read.
+    /// Fails if the program's table of log messages cannot be read.
     pub(crate) fn new(file: &[u8], image: &Image) -> Result<Self> {
         let table = Table::parse(file).context("the table of log messages")?;
         Ok(Self {
@@ -61,10 +60,8 @@ impl Log {
         memory.write(block + READ, &write.to_le_bytes())
     }
 
-    /// The messages that are complete by now, one text each.
-    ///
-    /// # Errors
-    /// If the ring does not lie in a memory.
+    /// The messages that are complete by now, one text each. Fails if the ring does not lie in a
+    /// memory.
     pub(crate) fn messages(&mut self, memory: &Memory) -> Result<Vec<String>> {
         self.drain(memory)?;
         let Some(table) = self.table.as_ref().filter(|_| !self.bytes.is_empty()) else {

@@ -172,10 +172,8 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Creates a chip, just switched on, with the program of an ELF file in its flash.
-    ///
-    /// # Errors
-    /// If the file is no program, does not fit into the memories, or says nonsense about its board.
+    /// Creates a chip, just switched on, with the program of an ELF file in its flash. Fails if the
+    /// file is no program, does not fit into the memories, or says nonsense about its board.
     pub fn new(file: &[u8]) -> Result<Self> {
         Self::with(file, Options::default())
     }
@@ -239,10 +237,8 @@ impl Machine {
         self.buses.borrow_mut().push((index, bus.clone()));
     }
 
-    /// Sums up from now on how long the chip holds a pin (port 'A' ..= 'K', 0 ..= 15) high.
-    ///
-    /// # Errors
-    /// If the chip has no such pin.
+    /// Sums up from now on how long the chip holds a pin (port 'A' ..= 'K', 0 ..= 15) high. Fails
+    /// if the chip has no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize) -> Result<()> {
         ensure!(lock(&self.soc).watch_pin(port, pin, self.now()), "there is no pin P{port}{pin}");
         Ok(())
@@ -253,10 +249,8 @@ impl Machine {
         lock(&self.soc).take_pin_time(port, pin, self.now())
     }
 
-    /// Keeps from now on every edge of a pin that the chip drives.
-    ///
-    /// # Errors
-    /// If the chip has no such pin.
+    /// Keeps from now on every edge of a pin that the chip drives. Fails if the chip has no such
+    /// pin.
     pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
         ensure!(lock(&self.soc).record_pin(port, pin, self.now()), "there is no pin P{port}{pin}");
         Ok(())
@@ -312,10 +306,8 @@ impl Machine {
         &self.core
     }
 
-    /// Number of the exception that a handler handles; external interrupts start at 16.
-    ///
-    /// # Errors
-    /// If the program has no such handler.
+    /// Number of the exception that a handler handles; external interrupts start at 16. Fails if
+    /// the program has no such handler.
     pub(crate) fn exception_of(&self, handler: &str) -> Result<u16> {
         let address = self.image.symbol(handler)?;
         // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).
@@ -324,10 +316,8 @@ impl Machine {
         number.with_context(|| format!("{handler} handles no exception"))
     }
 
-    /// Lets a fault begin now, or end if it has an end.
-    ///
-    /// # Errors
-    /// If the program has nothing that could panic, or no such handler.
+    /// Lets a fault begin now, or end if it has an end. Fails if the program has nothing that could
+    /// panic, or no such handler.
     pub fn inject(&mut self, fault: &ChipFault, begins: bool) -> Result<()> {
         self.faults.is_due = true;
         match fault {
@@ -399,20 +389,16 @@ impl Machine {
         lock(&self.soc).set_adc_fails(fails, self.now());
     }
 
-    /// The voltage at a pin from outside, in microvolts, from now on.
-    ///
-    /// # Errors
-    /// If the pin does not lead outside, or to no converter that is modelled.
+    /// The voltage at a pin from outside, in microvolts, from now on. Fails if the pin does not
+    /// lead outside, or to no converter that is modelled.
     pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32) -> Result<()> {
         let known = lock(&self.soc).set_voltage(port, pin, microvolts, self.now());
         ensure!(known, "no converter measures at P{port}{pin}");
         Ok(())
     }
 
-    /// The board's supply (VIN) in millivolts, from now on, where the chip measures it.
-    ///
-    /// # Errors
-    /// If the chip does not, on this board.
+    /// The board's supply (VIN) in millivolts, from now on, where the chip measures it. Fails if
+    /// the chip does not, on this board.
     pub fn set_supply(&mut self, millivolts: u32) -> Result<()> {
         let now = self.now();
         let mut soc = lock(&self.soc);
@@ -423,10 +409,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Presses the board's key, or lets go of it.
-    ///
-    /// # Errors
-    /// If the board has none.
+    /// Presses the board's key, or lets go of it. Fails if the board has none.
     pub fn press_key(&mut self, pressed: bool) -> Result<()> {
         let now = self.now();
         let mut soc = lock(&self.soc);
@@ -436,10 +419,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Lets chip and world go on up to a time.
-    ///
-    /// # Errors
-    /// If the program's memory makes no sense.
+    /// Lets chip and world go on up to a time. Fails if the program's memory makes no sense.
     pub fn run(&mut self, world: &mut World, until: Nanos) -> Result<()> {
         while self.now() < until {
             self.go_on(world, until, None)?;

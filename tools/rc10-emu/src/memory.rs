@@ -118,10 +118,7 @@ impl Memory {
         Self(Arc::new(Words { words, code, stale, partial, partials: AtomicU32::new(0) }))
     }
 
-    /// Memories with a program in them.
-    ///
-    /// # Errors
-    /// If it does not fit.
+    /// Memories with a program in them. Fails if it does not fit.
     pub fn with(image: &Image, seed: u64) -> Result<Self> {
         let memory = Self::new(seed);
         for (address, bytes) in &image.segments {
@@ -258,10 +255,7 @@ impl Memory {
         })
     }
 
-    /// Copies bytes out.
-    ///
-    /// # Errors
-    /// If no memory holds them all.
+    /// Copies bytes out. Fails if no memory holds them all.
     pub fn read(&self, address: u32, to: &mut [u8]) -> Result<()> {
         let place = Self::place(address, to.len())?;
         for (place, byte) in (place..).zip(to) {
@@ -270,20 +264,14 @@ impl Memory {
         Ok(())
     }
 
-    /// Copies bytes in.
-    ///
-    /// # Errors
-    /// If no memory holds them all.
+    /// Copies bytes in. Fails if no memory holds them all.
     pub fn write(&self, address: u32, from: &[u8]) -> Result<()> {
         let place = Self::place(address, from.len())?;
         (place..).zip(from).for_each(|(place, &byte)| self.put(place, 1, byte.into()));
         Ok(())
     }
 
-    /// A word.
-    ///
-    /// # Errors
-    /// If no memory holds it.
+    /// A word. Fails if no memory holds it.
     pub fn word(&self, address: u32) -> Result<u32> {
         let mut bytes = [0; 4];
         self.read(address, &mut bytes)?;

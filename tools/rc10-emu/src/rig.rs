@@ -32,11 +32,8 @@ pub struct Rig {
 
 impl Rig {
     /// Puts a chip on buses, FDCAN1 on the first, and on lines, each at a UART (1 for USART1).
-    /// `motors` says on which bus each motor is.
-    ///
-    /// # Errors
-    /// If a fault is on a bus or line that is not there, or in a handler that the program does not
-    /// have; if there is no such UART.
+    /// `motors` says on which bus each motor is. Fails if a fault is on a bus or line that is not
+    /// there, or in a handler that the program does not have; if there is no such UART.
     pub fn new(
         mut machine: Machine,
         world: World,
@@ -109,10 +106,7 @@ impl Rig {
         self.line_bytes.iter_mut().map(std::mem::take).collect()
     }
 
-    /// Lets chip and world go on up to a time.
-    ///
-    /// # Errors
-    /// If a fault cannot be put into the program.
+    /// Lets chip and world go on up to a time. Fails if a fault cannot be put into the program.
     pub fn run(&mut self, until: Nanos) -> Result<()> {
         while self.machine.now() < until {
             let next_fault = self.faults.next(self.machine.now()).unwrap_or(until);

@@ -63,12 +63,9 @@ Examples:
 Exit code 0: every line was read; 1: some were broken; 2: the file cannot be read.";
 
 /// Prints what a log of the robot's buses says to `out`, and its broken lines and unknown
-/// interfaces to `err`; returns whether there were broken lines.
-///
-/// # Errors
-/// The file cannot be read; a bus or an interface is given twice, or the robot has no such bus; the
-/// robot is not as described; or an output fails (an [`io::Error`], so that a closed pipe can be
-/// told apart).
+/// interfaces to `err`; returns whether there were broken lines. Fails if the file cannot be read;
+/// a bus or an interface is given twice, or the robot has no such bus; the robot is not as
+/// described; or an output fails (an [`io::Error`], so that a closed pipe can be told apart).
 pub fn decode(
     args: &DecodeArgs,
     robot: Robot<'_>,

@@ -42,9 +42,7 @@ pub struct DoctorArgs {
 }
 
 /// Prints the causes of what is wrong with a robot that runs, or was recorded; returns whether there are any.
-///
-/// # Errors
-/// There is no robot, or the file cannot be read.
+/// Fails if there is no robot, or the file cannot be read.
 pub fn doctor(args: &DoctorArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     let place = args.at.place.as_ref().map(Path::new);
     let path = args.at.record().or_else(|| place.filter(|it| it.is_file()));

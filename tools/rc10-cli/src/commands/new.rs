@@ -48,10 +48,8 @@ const RESERVED: &str = "abstract alloc as async aux await become box break build
     move mut nul override prn priv pub ref return self simulation static std struct super test trait true try \
     type typeof unsafe use where while";
 
-/// Makes the folder, whole or not at all.
-///
-/// # Errors
-/// The name is invalid, the folder exists or cannot be written, or the checkout is gone.
+/// Makes the folder, whole or not at all. Fails if the name is invalid, the folder exists or cannot
+/// be written, or the checkout is gone.
 pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new("."));
     ensure!(

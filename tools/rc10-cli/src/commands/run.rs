@@ -60,9 +60,8 @@ pub struct RunArgs {
 const LARGE: u64 = 100_000_000;
 
 /// Runs a robot, writes the files and prints the figures; returns whether the run had problems.
-///
-/// # Errors
-/// The folder cannot be written, or the robot is not as described or does not fit on its buses.
+/// Fails if the folder cannot be written, or the robot is not as described or does not fit on its
+/// buses.
 pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.injected.faults, args.seconds)?;
     if let Some(receiver) = args.remote {

@@ -68,11 +68,9 @@ struct CapturedFrame {
 }
 
 /// Makes the recording of candump logs: the motors and buses that occur in them. Broken lines and
-/// unknown interfaces are reported on `err`.
-///
-/// # Errors
-/// A file cannot be read; no file has a frame with a time on a bus of the robot; they last more
-/// than an hour; a bus or an interface is given twice; or the robot is not as described.
+/// unknown interfaces are reported on `err`. Fails if a file cannot be read; no file has a frame
+/// with a time on a bus of the robot; they last more than an hour; a bus or an interface is given
+/// twice; or the robot is not as described.
 pub(crate) fn hear(
     files: &[PathBuf],
     told: &[BusOfChannel],

@@ -49,9 +49,7 @@ impl Broken {
     }
 
     /// Lets something go wrong, or takes it back. Gives the mistakes of a robot that must begin anew for that.
-    ///
-    /// # Errors
-    /// These are no such words, or the robot cannot have it.
+    /// Fails if these are no such words, or the robot cannot have it.
     pub fn change(
         &mut self,
         world: &mut dyn Running,

@@ -68,10 +68,8 @@ pub type Refusal = (u16, &'static str);
 type Headers<'h> = [httparse::Header<'h>];
 
 /// Reads the first request in `bytes`, for the server behind this door; `None` if it is not whole yet.
-/// Origin, key and length are checked as soon as the head is there.
-///
-/// # Errors
-/// The request is not allowed; the connection is to be closed.
+/// Origin, key and length are checked as soon as the head is there. Fails if the request is not
+/// allowed; the connection is to be closed.
 pub fn read(bytes: &[u8], door: &Door) -> Result<Option<Request>, Refusal> {
     let mut headers = [httparse::EMPTY_HEADER; 64];
     let mut head = httparse::Request::new(&mut headers);

@@ -162,10 +162,7 @@ impl Answered {
         }
     }
 
-    /// The answer, if it is there after this time; itself if not.
-    ///
-    /// # Errors
-    /// It is not there yet.
+    /// The answer, if it is there after this time; itself if not. Fails if it is not there yet.
     pub fn poll(self, waited: Duration) -> Result<Reply, Self> {
         match self {
             Self::Later(answer, patience, why) => match answer.try_recv() {

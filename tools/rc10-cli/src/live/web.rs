@@ -23,9 +23,7 @@ pub struct Web {
 
 impl Web {
     /// Begins a robot in the simulator or on the emulated chip; `report` makes the report of a record.
-    ///
-    /// # Errors
-    /// The robot cannot begin.
+    /// Fails if the robot cannot begin.
     pub fn new(
         args: &LiveArgs,
         robot: Robot<'static>,
@@ -48,10 +46,7 @@ impl Web {
         page()
     }
 
-    /// Lets the robot go on for some milliseconds; its time then.
-    ///
-    /// # Errors
-    /// It cannot go on.
+    /// Lets the robot go on for some milliseconds; its time then. Fails if it cannot go on.
     pub fn step(&mut self) -> Result<Micros> {
         self.live.step()?;
         Ok(self.live.now())

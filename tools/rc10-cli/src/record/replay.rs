@@ -88,9 +88,7 @@ const LONGEST: Micros = Micros::from_millis(4 * 3_600_000);
 const NO_LOSS: Loss = Loss::new(Lost { from: Micros::ZERO, until: None });
 
 /// Makes the recording of a record of `robot`, as its run did; and why the file ends early, if so.
-///
-/// # Errors
-/// The file is no record, one of another robot, or of an unknown layout.
+/// Fails if the file is no record, one of another robot, or of an unknown layout.
 pub fn replay(
     file: &mut (impl Read + Seek),
     mut robot: Robot<'_>,

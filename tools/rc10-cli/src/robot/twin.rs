@@ -26,10 +26,8 @@ impl Motor {
         }
     }
 
-    /// Puts the motor's simulated twin on its wire or line.
-    ///
-    /// # Errors
-    /// There is no such bus or line, no twin of the device for it, or the identifier is invalid.
+    /// Puts the motor's simulated twin on its wire or line. Fails if there is no such bus or line,
+    /// no twin of the device for it, or the identifier is invalid.
     pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Esc> {
         let Plant { inertia, load, nonlinear, travel, rotor, own } = &self.plant;
         let index = |number: u8| usize::from(number).checked_sub(1);

@@ -83,10 +83,8 @@ pub struct Emulation<'r> {
 }
 
 impl<'r> Emulation<'r> {
-    /// Puts a program into a chip, and the chip into the environment of a robot.
-    ///
-    /// # Errors
-    /// The program or the robot's description is invalid, or a fault concerns a missing bus.
+    /// Puts a program into a chip, and the chip into the environment of a robot. Fails if the
+    /// program or the robot's description is invalid, or a fault concerns a missing bus.
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
         let mut robot = robot;
         robot.set_faults(&setup.faults)?;

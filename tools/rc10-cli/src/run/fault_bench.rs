@@ -294,10 +294,8 @@ const LEFT: Micros = Micros::new(1_500);
 const GESTURE: Micros = Micros::from_millis(80);
 const OTHER: dji::Config = dji::Config::new(&dji::M3508, 4);
 
-/// Does something with a bench for a model; all chance is from the seed.
-///
-/// # Errors
-/// The motor or its device cannot be made, or what is done fails.
+/// Does something with a bench for a model; all chance is from the seed. Fails if the motor or its
+/// device cannot be made, or what is done fails.
 pub fn on_bench<T>(
     model: &Model,
     seed: u64,

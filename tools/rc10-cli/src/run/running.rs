@@ -23,10 +23,7 @@ pub trait Running {
     }
     /// The time since power-on.
     fn now(&self) -> Micros;
-    /// Lets everything go on up to a time.
-    ///
-    /// # Errors
-    /// If it cannot go on.
+    /// Lets everything go on up to a time. Fails if it cannot go on.
     fn run_to(&mut self, until: Micros) -> Result<()>;
     /// The line from its console to a PC, if there is one.
     fn console(&self) -> Option<&ConsoleLine>;
@@ -34,10 +31,7 @@ pub trait Running {
     fn operator(&mut self) -> Option<&mut Operator>;
     /// Its base on the simulated floor, if it has one.
     fn base(&self) -> Option<&Base>;
-    /// Begins a fault now, or ends it.
-    ///
-    /// # Errors
-    /// If there is no chip to do it to.
+    /// Begins a fault now, or ends it. Fails if there is no chip to do it to.
     fn inject(&mut self, begins: bool, kind: &Kind) -> Result<()>;
     /// The twins of its motors, in the order of the description.
     fn twins(&self) -> &[Esc];

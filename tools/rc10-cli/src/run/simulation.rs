@@ -40,10 +40,8 @@ pub struct Simulation<'r> {
 
 impl<'r> Simulation<'r> {
     /// A robot before its start; with a PC at its console of so many bits a second, if there is to be one.
-    ///
-    /// # Errors
-    /// If the robot is not as described, has no console though there is to be one, or its environment
-    /// cannot be built.
+    /// Fails if the robot is not as described, has no console though there is to be one, or its
+    /// environment cannot be built.
     pub fn new(robot: Robot<'r>, seed: u64, console: Option<u32>) -> Result<Self> {
         Self::with(robot, seed, console, BTreeMap::new())
     }

@@ -26,10 +26,8 @@ pub struct Built {
 }
 
 impl Built {
-    /// Builds the robot of a description with its mistakes.
-    ///
-    /// # Errors
-    /// A mistake names no or several motors, a missing base, or motors to swap of different models.
+    /// Builds the robot of a description with its mistakes. Fails if a mistake names no or several
+    /// motors, a missing base, or motors to swap of different models.
     pub fn new(description: &Description) -> Result<Self> {
         let mut built = Self {
             motors: description.motors.clone(),

@@ -64,11 +64,9 @@ pub struct RemoteLink {
 
 impl Environment {
     /// Builds the environment of a description, with its mistakes, and all chance from `seed`.
-    ///
-    /// # Errors
-    /// A mistake cannot be made; a motor has no simulated ESC, or is on a missing bus; the wheels
-    /// of the base are not as many motors, one each; or a contact is on no motor, never closed or
-    /// never open.
+    /// Fails if a mistake cannot be made; a motor has no simulated ESC, or is on a missing bus; the
+    /// wheels of the base are not as many motors, one each; or a contact is on no motor, never
+    /// closed or never open.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
         Self::starting_at(Micros::ZERO, description, seed)
     }

@@ -27,10 +27,8 @@ impl Default for KeptFlash {
 }
 
 impl KeptFlash {
-    /// What a file holds, which is made if it is not there.
-    ///
-    /// # Errors
-    /// If it cannot be read or written, or is something else by its length: it would be erased.
+    /// What a file holds, which is made if it is not there. Fails if it cannot be read or written,
+    /// or is something else by its length: it would be erased.
     pub fn open(path: &Path) -> Result<Self> {
         let name = path.display();
         let file =

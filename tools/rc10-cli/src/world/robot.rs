@@ -119,10 +119,8 @@ impl<'r> Robot<'r> {
         Self { description, ..Self::default() }
     }
 
-    /// Creates the robot of a program with all its tasks, in the world of `description`.
-    ///
-    /// # Errors
-    /// The motors cannot be attached, or a line cannot have the reply time of the program.
+    /// Creates the robot of a program with all its tasks, in the world of `description`. Fails if
+    /// the motors cannot be attached, or a line cannot have the reply time of the program.
     pub fn of<P: Program>(
         description: Description,
         shared: &'r Common<'_, P::Name, P::Own>,
@@ -343,19 +341,15 @@ impl<'r> Robot<'r> {
         }
     }
 
-    /// Sets the file in which its parameters are kept, instead of the memory of one run.
-    ///
-    /// # Errors
-    /// If the file cannot be used, or is another one.
+    /// Sets the file in which its parameters are kept, instead of the memory of one run. Fails if
+    /// the file cannot be used, or is another one.
     pub fn keep_in(&mut self, file: &Path) -> Result<()> {
         self.kept.0 = KeptFlash::open(file)?;
         Ok(())
     }
 
-    /// Sets the faults of a run.
-    ///
-    /// # Errors
-    /// A fault is on a missing bus or line; or a remote is missing or lost already.
+    /// Sets the faults of a run. Fails if a fault is on a missing bus or line; or a remote is
+    /// missing or lost already.
     pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
         self.description.check(faults)?;
         let remote = &mut self.description.remote;

@@ -33,18 +33,13 @@ pub(super) const TABLE: &[Register] = &[
 const BYPASS: u32 = 1 << 6;
 
 impl Fdcans {
-    /// Reads a register of the clock calibration unit.
-    ///
-    /// # Errors
-    /// If there is no such register.
+    /// Reads a register of the clock calibration unit. Fails if there is no such register.
     pub fn read_calibration(&self, offset: u32) -> Answer<u32> {
         self.calibration.read(offset)
     }
 
-    /// Writes a register of the clock calibration unit.
-    ///
-    /// # Errors
-    /// If there is no such register, or it is locked: FDCAN1 has not both INIT and CCE.
+    /// Writes a register of the clock calibration unit. Fails if there is no such register, or it
+    /// is locked: FDCAN1 has not both INIT and CCE.
     pub fn write_calibration(&mut self, offset: u32, value: u32) -> Answer {
         let is_locked = !self.controllers[0].may_configure();
         AccessKind::Protected.when(matches!(offset, CCFG | CWD) && is_locked)?;

@@ -70,18 +70,13 @@ impl Fdcans {
         self.apply_clock();
     }
 
-    /// Reads a register at an offset in bytes from the controller's base.
-    ///
-    /// # Errors
-    /// If there is no such register.
+    /// Reads a register at an offset in bytes from the controller's base. Fails if there is no such
+    /// register.
     pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Answer<u32> {
         self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.read(offset, now)
     }
 
-    /// Writes a register; read-only and protected bits stay.
-    ///
-    /// # Errors
-    /// If there is no such register.
+    /// Writes a register; read-only and protected bits stay. Fails if there is no such register.
     pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> Answer {
         self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.write(offset, value, now)
     }

@@ -177,10 +177,8 @@ impl Soc {
         self.settle(now);
     }
 
-    /// Reads a register. Sub-word reads give their part of the word.
-    ///
-    /// # Errors
-    /// If there is no device at the address, or the access is not aligned.
+    /// Reads a register. Sub-word reads give their part of the word. Fails if there is no device at
+    /// the address, or the access is not aligned.
     pub fn read(&mut self, address: u32, width: Width, now: Nanos) -> Result<u32, BusFault> {
         self.advance(now);
         if self.is_gated_memory(address) {
@@ -204,10 +202,8 @@ impl Soc {
         Ok(value)
     }
 
-    /// Writes a register. Sub-word writes change their part of the word.
-    ///
-    /// # Errors
-    /// If there is no device at the address, or the access is not aligned.
+    /// Writes a register. Sub-word writes change their part of the word. Fails if there is no
+    /// device at the address, or the access is not aligned.
     pub fn write(
         &mut self,
         address: u32,

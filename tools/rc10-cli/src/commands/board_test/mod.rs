@@ -48,10 +48,8 @@ pub struct BoardTestArgs {
     out: PathBuf,
 }
 
-/// Leads a person through the list; returns whether something is wrong.
-///
-/// # Errors
-/// There is no program, no such step, or the file cannot be written.
+/// Leads a person through the list; returns whether something is wrong. Fails if there is no
+/// program, no such step, or the file cannot be written.
 pub fn board_test(args: &BoardTestArgs, robot: &Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     let description = robot.description();
     let (elf, program) =

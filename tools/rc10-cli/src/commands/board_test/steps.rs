@@ -124,10 +124,8 @@ fn number_before(text: &str, words: &str) -> Option<u32> {
 }
 
 impl Walk<'_> {
-    /// Does the step with this number.
-    ///
-    /// # Errors
-    /// If the person ends, or file or terminal cannot be written.
+    /// Does the step with this number. Fails if the person ends, or file or terminal cannot be
+    /// written.
     pub fn step(&mut self, number: &str) -> Result<Outcome> {
         let step = page().find(|it| it.number == number).context("no such step")?;
         let [what, right, _] = &step.cells;

@@ -21,7 +21,6 @@ pub struct Line {
 }
 
 /// A board with its probe, and a person beside it. Each fails if there is no answer.
-#[expect(clippy::missing_errors_doc, reason = "above")]
 pub trait Bench {
     /// Puts the program into the chip and lets it run, its log being read from the start on.
     fn start(&mut self) -> Result<()>;

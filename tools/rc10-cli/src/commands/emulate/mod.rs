@@ -72,10 +72,8 @@ pub struct EmuArgs {
 const BLACK_BOX: &str = "black-box.bin";
 
 /// Runs a program, writes the files and prints the figures; returns whether the run had problems.
-///
-/// # Errors
-/// The program is missing, invalid or for another chip; a fault cannot happen; the robot's motors
-/// do not fit on their buses; or the folder cannot be written.
+/// Fails if the program is missing, invalid or for another chip; a fault cannot happen; the robot's
+/// motors do not fit on their buses; or the folder cannot be written.
 pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.injected.faults, args.seconds)?;
     robot.fit(args.force)?;

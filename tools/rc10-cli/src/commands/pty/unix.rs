@@ -26,10 +26,8 @@ const PATIENCE: Duration = Duration::from_millis(100);
 const LAST_READ: Duration = Duration::from_secs(1);
 
 /// Runs until its time is over or `stop` is set, which is checked every 100 ms. Prints `pty` and
-/// the path of the pseudo-terminal first, and what went through and what was lost at the end.
-///
-/// # Errors
-/// The robot has no such bus or is not as described, or there is no pseudo-terminal.
+/// the path of the pseudo-terminal first, and what went through and what was lost at the end. Fails
+/// if the robot has no such bus or is not as described, or there is no pseudo-terminal.
 pub fn serve(
     args: &PtyArgs,
     mut robot: Robot<'_>,
