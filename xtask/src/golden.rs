@@ -41,8 +41,7 @@ fn name(file: &Path) -> String {
     file.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// # Errors
-/// The first line in which a number or a word differs.
+/// Fails with the first line in which a number or a word differs.
 fn compare(there: &str, made: &str) -> Result<()> {
     for (number, (old, new)) in (1..).zip(there.lines().zip(made.lines())) {
         let same = |(old, new): (&str, &str)| {

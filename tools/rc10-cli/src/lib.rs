@@ -172,11 +172,8 @@ impl CommandLine {
     }
 
     /// Runs the command with `robot`, and writes to standard output. Exit code 0: fine; 1: the
-    /// input has broken lines; 3: the run had problems, and `--strict` was given.
-    ///
-    /// # Errors
-    /// The robot is not as described, does not fit on its buses, or a file cannot be read or
-    /// written.
+    /// input has broken lines; 3: the run had problems, and `--strict` was given. Fails if the
+    /// robot is not as described, does not fit on its buses, or a file cannot be read or written.
     pub fn run(self, robot: Robot<'_>) -> anyhow::Result<ExitCode> {
         let mut out = Painted(io::BufWriter::new(anstream::stdout().lock()));
         let code = self.run_to(robot, &mut out)?;
@@ -280,10 +277,8 @@ pub fn main_of<P: Simulated>() -> ExitCode {
     })
 }
 
-/// Simulates the robot of a program in a world of `description` and `seed`, for this time.
-///
-/// # Errors
-/// Those of [`Robot::of`] and of [`simulate`].
+/// Simulates the robot of a program in a world of `description` and `seed`, for this time. Fails as
+/// [`Robot::of`] and [`simulate`] do.
 pub fn simulated<P: Program>(
     description: Description,
     seed: u64,
@@ -296,10 +291,7 @@ pub fn simulated<P: Program>(
 
 /// Simulates the robot of a program in its own world of this seed twice, and replays what reached its buses: a line that
 /// says that all is the same, bit for bit. For a robot's tests: a clock, a random number or the order of a `HashMap` in a
-/// task is found by it.
-///
-/// # Errors
-/// Those of [`Robot::of`] and of [`simulate`]; or what differs first, when and where.
+/// task is found by it. Fails as [`Robot::of`] and [`simulate`] do; or with what differs first, when and where.
 pub fn replayed<P: Simulated>(seed: u64, time: Micros) -> anyhow::Result<String> {
     let run = || {
         with::<P, _>(|shared, motors| {
@@ -313,10 +305,7 @@ pub fn replayed<P: Simulated>(seed: u64, time: Micros) -> anyhow::Result<String>
     })
 }
 
-/// The robot of a program, in its own world, before it runs.
-///
-/// # Errors
-/// Those of [`Robot::of`].
+/// The robot of a program, in its own world, before it runs. Fails as [`Robot::of`] does.
 pub fn robot_of<'r, P: Simulated>(
     shared: &'r Common<'_, P::Name, P::Own>,
     motors: &'r mut P::Motors,
@@ -335,18 +324,13 @@ pub fn with<P: Program, R>(
 }
 
 /// The robot of a program, in its own world, before it runs; its state lives as long as this program.
-///
-/// # Errors
-/// Those of [`Robot::of`].
+/// Fails as [`Robot::of`] does.
 pub fn robot_for_good<P: Simulated>() -> anyhow::Result<Robot<'static>> {
     Robot::for_good::<P>(P::description())
 }
 
 /// Begins `rc10 live` with these words, `--sim` or `--emu ELF` among them, for a page in the same browser. `again` sets
-/// the robot up for reports.
-///
-/// # Errors
-/// The words are invalid, or the robot cannot begin.
+/// the robot up for reports. Fails if the words are invalid, or the robot cannot begin.
 pub fn web(
     words: &[String],
     robot: Robot<'static>,

@@ -33,10 +33,7 @@ impl<'m> Bench<'m> {
         Self { world, wire, bus, port, sent: TxBatch::new(), refused: 0 }
     }
 
-    /// Puts a motor of ours on the bus.
-    ///
-    /// # Errors
-    /// [`AttachError`], as the bus says.
+    /// Puts a motor of ours on the bus. Fails with [`AttachError`], as the bus says.
     pub fn attach(
         &mut self,
         motor: &'m mut dyn CanMotor,
@@ -70,10 +67,8 @@ impl<'m> Bench<'m> {
         (0..millis).for_each(|_| self.tick());
     }
 
-    /// `millis` ticks, with the target repeated before each.
-    ///
-    /// # Errors
-    /// [`CommandError`] if the motor does not take it; then no time has passed.
+    /// `millis` ticks, with the target repeated before each. Fails if the motor does not take it;
+    /// then no time has passed.
     pub fn hold(
         &mut self,
         motor: MotorId,

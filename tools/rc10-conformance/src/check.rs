@@ -13,10 +13,8 @@ use crate::rules::RULES;
 
 /// Runs every [rule](crate::RULES) on a motor: `motor` makes a fresh one, set to an identifier, and
 /// `device` puts its simulated device, set to that identifier, on a wire. Both turn the same way, or
-/// the motor was made [reversed](Declaration::direction).
-///
-/// # Errors
-/// All rules that are broken, and what could not be tried.
+/// the motor was made [reversed](Declaration::direction). Fails with all rules that are broken, and
+/// what could not be tried.
 pub fn check<M: CanMotor + 'static>(
     declared: &Declaration,
     motor: impl Fn(u8) -> M,
@@ -27,10 +25,8 @@ pub fn check<M: CanMotor + 'static>(
     run(&Case::new(declared, connection))
 }
 
-/// The same for a motor on an RS-485 line, without the rules that are about frames on a bus.
-///
-/// # Errors
-/// All rules that are broken, and what could not be tried.
+/// The same for a motor on an RS-485 line, without the rules that are about frames on a bus. Fails
+/// with all rules that are broken, and what could not be tried.
 pub fn check_line(
     declared: &Declaration,
     motor: impl Fn(u8) -> GoM8010,

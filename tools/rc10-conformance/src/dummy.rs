@@ -27,9 +27,6 @@ pub trait Acts: Send {
     fn update(&mut self, _tick: &Tick) {}
 
     /// Answers [`Motor::request`].
-    ///
-    /// # Errors
-    /// [`RequestError`].
     fn request(&mut self, _request: Request) -> Outcome {
         Err(RequestError::Unsupported)
     }
@@ -40,17 +37,11 @@ pub trait Acts: Send {
     }
 
     /// Does [`CanMotor::unpack_feedback`].
-    ///
-    /// # Errors
-    /// [`FrameError`](rc10_motor::FrameError).
     fn unpack(&mut self, _frame: &CanFrame, _link: Link) -> Heard {
         Ok(FrameKind::Feedback)
     }
 
     /// Does [`CanMotor::pack_command`].
-    ///
-    /// # Errors
-    /// [`TxFull`].
     fn pack(&mut self, _tx: &mut TxBatch) -> Result<(), TxFull> {
         Ok(())
     }

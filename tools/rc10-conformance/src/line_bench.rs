@@ -64,10 +64,8 @@ impl<'m> LineBench<'m> {
         (0..millis).for_each(|_| self.tick());
     }
 
-    /// `millis` ticks, with the target repeated before each.
-    ///
-    /// # Errors
-    /// [`CommandError`] if the motor does not take it; then no time has passed.
+    /// `millis` ticks, with the target repeated before each. Fails if the motor does not take it;
+    /// then no time has passed.
     pub fn hold(
         &mut self,
         motor: MotorId,

@@ -178,10 +178,8 @@ impl Machine {
         Self::with(file, Options::default())
     }
 
-    /// Creates a chip with other options than the strictest.
-    ///
-    /// # Errors
-    /// The ones of [`new`](Self::new), and if a peripheral that is to be silent does not exist.
+    /// Creates a chip with other options than the strictest. Fails as [`new`](Self::new) does, and
+    /// if a peripheral that is to be silent does not exist.
     pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;

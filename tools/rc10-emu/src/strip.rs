@@ -5,10 +5,8 @@ use anyhow::{Result, bail, ensure};
 use crate::peripherals::Edge;
 
 /// The pictures on a strip of WS2812, each LED as red, green, blue. Widths, period and silence are
-/// what all data sheets agree on. The first edge must be a rise.
-///
-/// # Errors
-/// The first pulse that no WS2812 is sure to understand.
+/// what all data sheets agree on. The first edge must be a rise. Fails with the first pulse that no
+/// WS2812 is sure to understand.
 pub fn pictures(edges: &[Edge]) -> Result<Vec<Vec<[u8; 3]>>> {
     let mut pictures: Vec<Vec<bool>> = Vec::new();
     let mut last_rise = None;

@@ -81,10 +81,8 @@ const BOUNCING: Nanos = Nanos::new(10_000_000);
 const BOUNCE: u64 = 700_000;
 
 impl Contact {
-    /// On the output shaft of a motor, closed there.
-    ///
-    /// # Errors
-    /// If it would never be closed, or never open.
+    /// On the output shaft of a motor, closed there. Fails if it would never be closed, or never
+    /// open.
     pub fn new(shaft: &Esc, closed: impl Into<Closed>) -> Result<Self, NoRange> {
         let closed = closed.into();
         let is_sound = match closed {

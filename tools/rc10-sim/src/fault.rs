@@ -297,10 +297,8 @@ fn kind_of<O: Others>(text: &str) -> Result<Kind<O>, String> {
     }
 }
 
-/// Whether nothing stands behind a name that takes nothing.
-///
-/// # Errors
-/// With the reason, if something does.
+/// Whether nothing stands behind a name that takes nothing. Fails with the reason, if something
+/// does.
 pub fn alone(name: &str, argument: Option<&str>) -> Result<(), String> {
     match argument {
         None => Ok(()),

@@ -49,10 +49,7 @@ struct Filled {
 }
 
 impl<O: Others> Faults<O> {
-    /// The faults of a run on these buses and lines.
-    ///
-    /// # Errors
-    /// Those of [`check`](Self::check).
+    /// The faults of a run on these buses and lines. Fails as [`check`](Self::check) does.
     pub fn new(buses: &[Bus], lines: &[Line], faults: &[Fault<O>]) -> Result<Self, NoFault> {
         Self::check(faults, buses.len(), lines.len())?;
         let mut timeline = Vec::new();
@@ -80,10 +77,8 @@ impl<O: Others> Faults<O> {
         self.timeline.insert(place, (at, begins, kind));
     }
 
-    /// Whether a robot with this number of buses and lines can have such faults.
-    ///
-    /// # Errors
-    /// If one is on a bus or a line that is not there.
+    /// Whether a robot with this number of buses and lines can have such faults. Fails if one is on
+    /// a bus or a line that is not there.
     pub fn check(faults: &[Fault<O>], buses: usize, lines: usize) -> Result<(), NoFault> {
         for Fault { kind, .. } in faults {
             let (index, count, noun) = match kind.wire() {

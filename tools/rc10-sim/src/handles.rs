@@ -39,10 +39,7 @@ impl Bus {
     /// Puts an ESC with its motor on the bus, powered, at rest.
     ///
     /// Two ESCs of one feedback id are allowed, as on a real bus; see
-    /// [`BusCounters::id_clashes`].
-    ///
-    /// # Errors
-    /// [`IdOutOfRange`] if the model has no such id.
+    /// [`BusCounters::id_clashes`]. Fails if the model has no such id.
     pub fn add_esc(&self, config: EscConfig) -> Result<Esc, IdOutOfRange> {
         Ok(self.add(Dji::new(config)?, config.plant))
     }

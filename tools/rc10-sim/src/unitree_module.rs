@@ -60,10 +60,7 @@ struct Inner {
 }
 
 impl UnitreeModule {
-    /// A module with this number (switches 1 and 2), 0 ..= 3, powered.
-    ///
-    /// # Errors
-    /// With another number.
+    /// A module with this number (switches 1 and 2), 0 ..= 3, powered. Fails with another number.
     pub fn new(number: u8) -> Result<Self, NoDevice> {
         if number > 3 {
             return Err(NoDevice(format!("a module has a number from 0 to 3, not {number}")));
@@ -72,10 +69,7 @@ impl UnitreeModule {
         Ok(Self { number, inner: Rc::new(RefCell::new(inner)) })
     }
 
-    /// A motor on its line, with this number, 0 ..= 14.
-    ///
-    /// # Errors
-    /// With another number.
+    /// A motor on its line, with this number, 0 ..= 14. Fails with another number.
     pub fn motor(&self, number: u8) -> Result<UnitreeMotor, NoDevice> {
         if number > 14 {
             return Err(NoDevice(format!("a motor has a number from 0 to 14, not {number}")));

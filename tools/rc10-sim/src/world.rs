@@ -245,7 +245,9 @@ impl World {
     }
 
     /// Puts motors under a base, in the order of its wheels. Each gets the wheel's inertia and rolling
-    /// friction; one that steers gets the fork's inertia and the scrubbing of the wheel.
+    /// friction; one that steers gets the fork's inertia and the scrubbing of the wheel. Fails if a
+    /// motor belongs to another world or turns or steers a wheel already, or if the motors are not
+    /// those that the wheels need.
     ///
     /// ```
     /// use rc10_sim::{BusConfig, Chassis, EscConfig, Model, Mounting, World};
@@ -256,10 +258,6 @@ impl World {
     /// let base = world.add_base(Chassis::differential(0.05, 0.4), wheels).unwrap();
     /// assert_eq!(base.pose().x, 0.0);
     /// ```
-    ///
-    /// # Errors
-    /// [`WheelError`] if a motor belongs to another world or turns or steers a wheel already, or if the
-    /// motors are not those that the wheels need.
     pub fn add_base<'e, M: Into<WheelMotors<'e>>>(
         &mut self,
         chassis: Chassis,
@@ -288,10 +286,8 @@ impl World {
     }
 
     /// Hangs an arm on motors, from the base outwards: the weight of each link is on its own motor and on those
-    /// of all links before it. Motors whose positive direction is downwards are [`Mounting::Mirrored`].
-    ///
-    /// # Errors
-    /// [`WheelError`] if a motor belongs to another world, or carries a wheel or a link already.
+    /// of all links before it. Motors whose positive direction is downwards are [`Mounting::Mirrored`]. Fails
+    /// if a motor belongs to another world, or carries a wheel or a link already.
     pub fn add_arm<'e>(
         &mut self,
         links: impl IntoIterator<Item = (&'e Esc, Mounting, ArmLink)>,

@@ -55,7 +55,8 @@ const TRAILING: &str = "something that does not belong there follows the frame";
 const FLEXIBLE_DATA_RATE: &str = "CAN FD and CAN XL frames cannot be read";
 const ERROR_FRAME: &str = "an error frame: the controller reports a bus error";
 
-/// Reads one line, without or with its end; `None` if it says nothing: empty, or a comment.
+/// Reads one line, without or with its end; `None` if it says nothing: empty, or a comment. Fails
+/// if the line is in neither form, or has an invalid part: with the reason, in words.
 ///
 /// ```
 /// use rc10_cli::formats::candump::parse;
@@ -65,9 +66,6 @@ const ERROR_FRAME: &str = "an error frame: the controller reports a bus error";
 /// assert_eq!(parse("  can0  201   [2]  00 01")?.unwrap().frame.bytes(), [0, 1]);
 /// # Ok::<(), String>(())
 /// ```
-///
-/// # Errors
-/// The line is in neither form, or has an invalid part: the reason, in words.
 pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, String> {
     let mut rest = text.trim();
     if rest.is_empty() || rest.starts_with('#') {

@@ -65,9 +65,7 @@ impl Hands {
     }
 
     /// Does what a page wants: `"take"`, `"script"`, or `[number]` to let go, and `[number, message, positions ..]`.
-    ///
-    /// # Errors
-    /// The reason for the page: there is no remote here, it is in other hands, or this is no position.
+    /// Fails with the reason for the page: there is no remote here, it is in other hands, or this is no position.
     pub fn ask(&mut self, wish: &Value) -> Result<Value, String> {
         if !self.is_there {
             return Err("no remote is simulated here: a real robot is driven by its own".into());

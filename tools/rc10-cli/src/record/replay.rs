@@ -97,10 +97,7 @@ pub fn replay(
 }
 
 /// The same; a record that need not be the robot's own is read as far as its topics are those of this one, for
-/// comparison.
-///
-/// # Errors
-/// As [`replay`].
+/// comparison. Fails as [`replay`] does.
 pub(crate) fn replay_of(
     file: &mut (impl Read + Seek),
     robot: &mut Robot<'_>,

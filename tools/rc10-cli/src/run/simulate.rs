@@ -61,10 +61,8 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     simulate_into(robot, seed, length, None)
 }
 
-/// Runs a robot for `length` of virtual time, and writes every look into a record.
-///
-/// # Errors
-/// As [`simulate`], and if the record cannot be written.
+/// Runs a robot for `length` of virtual time, and writes every look into a record. Fails as
+/// [`simulate`] does, and if the record cannot be written.
 pub fn simulate_into(
     robot: Robot<'_>,
     seed: u64,
@@ -96,18 +94,14 @@ pub fn simulate_into(
 }
 
 impl Emulation<'_> {
-    /// Runs up to a time and takes down what the wires and the motors do.
-    ///
-    /// # Errors
-    /// The errors of [`Rig::run`](rc10_emu::Rig::run).
+    /// Runs up to a time and takes down what the wires and the motors do. Fails as
+    /// [`Rig::run`](rc10_emu::Rig::run) does.
     pub fn record(self, length: Micros) -> Result<(Self, Recording)> {
         self.record_into(length, None)
     }
 
-    /// Runs up to a time, and writes every look into a record.
-    ///
-    /// # Errors
-    /// As [`record`](Self::record), and if that cannot be written.
+    /// Runs up to a time, and writes every look into a record. Fails as [`record`](Self::record)
+    /// does, and if that cannot be written.
     pub fn record_into(
         mut self,
         length: Micros,

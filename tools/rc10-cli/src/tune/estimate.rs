@@ -539,10 +539,7 @@ fn student(freedom: f64) -> f64 {
 }
 
 impl Estimate {
-    /// Estimates from samples in order of time.
-    ///
-    /// # Errors
-    /// Why nothing at all can be told.
+    /// Estimates from samples in order of time. Fails with why nothing at all can be told.
     pub fn of(samples: &[Sample]) -> Result<Self, Unknown> {
         let samples = Samples::new(samples)?;
         // How far the motor is behind what is asked.

@@ -128,19 +128,13 @@ impl Margins {
 }
 
 impl Plant {
-    /// The values of an estimate.
-    ///
-    /// # Errors
-    /// What gains need, and cannot be told.
+    /// The values of an estimate. Fails with what gains need, and cannot be told.
     pub fn of(estimate: &Estimate) -> Result<Self, Unknown> {
         let viscous = estimate.viscous.map_or(0.0, |it| it.value.max(0.0));
         Ok(Self { inertia: estimate.inertia?.value, viscous, delay: estimate.delay?.value })
     }
 
-    /// The corners of an estimate's intervals.
-    ///
-    /// # Errors
-    /// What gains need, and cannot be told.
+    /// The corners of an estimate's intervals. Fails with what gains need, and cannot be told.
     pub fn all(estimate: &Estimate) -> Result<Vec<Self>, Unknown> {
         let (inertia, delay) = (estimate.inertia?, estimate.delay?);
         let viscous =
@@ -201,10 +195,7 @@ pub fn margins(plants: &[Plant], cascade: &Cascade) -> [Margins; 2] {
 }
 
 /// The cascade with gains and feed-forward for an estimate: as fast as it keeps its margins for every plant of its intervals,
-/// or at most of a bandwidth in Hz.
-///
-/// # Errors
-/// What gains need, and cannot be told.
+/// or at most of a bandwidth in Hz. Fails with what gains need, and cannot be told.
 pub fn tuned(
     cascade: &Cascade,
     estimate: &Estimate,

@@ -422,10 +422,8 @@ impl<'r> Robot<'r> {
     }
 
     /// Checks that the motors fit on their buses, and prints to stderr which buses are tight. With
-    /// `force` the robot runs all the same, and losses are printed.
-    ///
-    /// # Errors
-    /// Its buses are not as described; or, without `force`, motors do not fit on a bus.
+    /// `force` the robot runs all the same, and losses are printed. Fails if its buses are not as
+    /// described; or, without `force`, motors do not fit on a bus.
     pub fn fit(&mut self, force: bool) -> Result<()> {
         self.is_forced = force;
         if force {

@@ -109,10 +109,7 @@ pub struct Vesc {
 
 impl Vesc {
     /// A VESC that is set up like this; it goes on a bus with its plant
-    /// ([`Bus::add`](crate::Bus::add)).
-    ///
-    /// # Errors
-    /// If there is no such id, motor or rate.
+    /// ([`Bus::add`](crate::Bus::add)). Fails if there is no such id, motor or rate.
     pub fn new(config: VescConfig) -> Result<Self, NoDevice> {
         // Id 255 means all of them.
         if config.id == 255 {

@@ -46,11 +46,8 @@ impl Order {
     ///
     /// The firmware from 6.00 on takes a current of six or more bytes for one with a delay, which
     /// it reads first: so does this. All other packets are taken only at their exact lengths; the
-    /// firmware does not look.
-    ///
-    /// # Errors
-    /// What becomes of another frame: it is for another device, or has a length that its packet never
-    /// has.
+    /// firmware does not look. Fails with what becomes of another frame: it is for another device,
+    /// or has a length that its packet never has.
     pub fn parse(frame: &CanFrame, id: u8) -> Result<Self, Taken> {
         let raw = frame.raw_id();
         let to = raw.to_be_bytes()[3];
