@@ -247,23 +247,11 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
     /// The same within a limit of power.
     ///
     /// ```
-    /// # use rc10_app::{Base, Body, Joules, PowerConfig, PowerModel, Rpm, Twist, TwistLimits, Watts};
-    /// # use rc10_motor::{Entry, Place::Bus, dji::{Config, Dji, M3508}, motors};
-    /// # motors! {
-    /// #     pub enum Name;
-    /// #     pub struct Motors;
-    /// #     Left: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
-    /// #     Right: Dji = Entry::new(Bus(1), Config::new(&M3508, 2)),
-    /// # }
-    /// use rc10_tasks::{BaseDriver, DrivenBase};
-    /// # const BASE: DrivenBase<Name, 2> = DrivenBase {
-    /// #     wheels: [Name::Left, Name::Right],
-    /// #     geometry: Base::differential(0.05, 0.2, Rpm::new(400.0)),
-    /// #     body: Body { mass_kg: 8.0, yaw_inertia_kg_m2: 0.2 },
-    /// #     torque_constant: Config::new(&M3508, 1).torque_constant(),
-    /// #     limits: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
-    /// #     full_stick: Twist::new(1.5, 0.0, 4.0),
-    /// # };
+    /// # mod table { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/docs/base.rs")); }
+    /// # use rc10_app::{Joules, PowerConfig, PowerModel, Watts};
+    /// # use table::BASE;
+    /// use rc10_tasks::BaseDriver;
+    ///
     /// const POWER: PowerConfig = PowerConfig {
     ///     model: PowerModel { mechanical: 1.0, per_speed: 0.22, per_torque: 1.2, idle: 2.78, returned: 0.0 },
     ///     uncertainty: 2.2,

@@ -114,19 +114,10 @@ impl<const N: usize> Plan<N> {
 /// Makes a [`Plan`] in portions, one leg at a time, twice.
 ///
 /// ```
-/// # use rc10_app::path::{Path, PathLimits, Planner, Waypoint};
-/// # use rc10_app::{Base, Radians, Rpm, TwistLimits};
-/// # const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.25, Rpm::new(450.0));
-/// # const PATH: Path<3> = Path::sound([
-/// #     Waypoint::new(0.0, 0.0, Radians::new(0.0)),
-/// #     Waypoint::new(2.0, 0.0, Radians::new(0.0)).rounded(0.4),
-/// #     Waypoint::new(2.0, 1.0, Radians::new(1.5)),
-/// # ]);
-/// # const LIMITS: PathLimits = PathLimits {
-/// #     twist: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
-/// #     max_speed_m_s: 2.0,
-/// #     wheel_share: 0.9,
-/// # };
+/// # mod table { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/docs/path.rs")); }
+/// # use table::{BASE, LIMITS, PATH};
+/// use rc10_app::path::Planner;
+///
 /// let mut planner = Planner::new(&PATH, &BASE, &LIMITS, 0.0)?;
 /// let mut ticks = 0;
 /// let plan = loop {

@@ -10,22 +10,8 @@ use crate::declaration::{MOST_BUSES, MOST_LINES, Names, Place, Slot};
 /// Other numbers of buses or lines, or another robot's names, do not compile:
 ///
 /// ```compile_fail,E0308
-/// # mod ours {
-/// #     use rc10_motor::dji::{Config, Dji, M3508};
-/// #     rc10_motor::motors! {
-/// #         pub enum Name;
-/// #         pub struct Motors;
-/// #         Wheel: Dji = rc10_motor::Entry::new(rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
-/// #     }
-/// # }
-/// # mod theirs {
-/// #     use rc10_motor::dji::{Config, Dji, M3508};
-/// #     rc10_motor::motors! {
-/// #         pub enum Name;
-/// #         pub struct Motors;
-/// #         Lift: Dji = rc10_motor::Entry::new(rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
-/// #     }
-/// # }
+/// # mod robots { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/docs/robots.rs")); }
+/// # use robots::{ours, theirs};
 /// static PORTS: rc10_motor::embassy::Ports<ours::Name, 1> = rc10_motor::embassy::Ports::new();
 /// let wheel = PORTS.motor(theirs::Name::Lift);
 /// ```
@@ -33,14 +19,8 @@ use crate::declaration::{MOST_BUSES, MOST_LINES, Names, Place, Slot};
 /// A robot's own program does the same:
 ///
 /// ```
-/// # mod ours {
-/// #     use rc10_motor::dji::{Config, Dji, M3508};
-/// #     rc10_motor::motors! {
-/// #         pub enum Name;
-/// #         pub struct Motors;
-/// #         Wheel: Dji = rc10_motor::Entry::new(rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
-/// #     }
-/// # }
+/// # mod robots { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/docs/robots.rs")); }
+/// # use robots::ours;
 /// static PORTS: rc10_motor::embassy::Ports<ours::Name, 1> = rc10_motor::embassy::Ports::new();
 /// let wheel = PORTS.motor(ours::Name::Wheel);
 /// ```
