@@ -290,7 +290,6 @@ fn other_chips(rustc: Option<&Path>) -> Result<()> {
 }
 
 /// A robot of one's own, outside this tree: from its first command to its firmware on the emulated chip.
-/// Fails if something of it fails.
 pub fn new_robot(has_chip: bool) -> Result<()> {
     let place = env::temp_dir().join(format!("rc10-new-{}", process::id()));
     fs::create_dir_all(&place)?;

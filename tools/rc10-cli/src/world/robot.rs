@@ -39,6 +39,7 @@ const LOG_LINE: u64 = 47;
 
 /// A robot that is set up and has not begun: its description, its buses with motors, and its tasks.
 #[derive(Default)]
+#[must_use]
 pub struct Robot<'r> {
     description: Description,
     buses: Vec<MotorBus<'r>>,
@@ -170,7 +171,6 @@ impl<'r> Robot<'r> {
     }
 
     /// Adds the tasks of a program.
-    #[must_use]
     pub fn program<P: Program>(mut self, shared: &'r Common<'_, P::Name, P::Own>) -> Self {
         self.kept.1 = P::MUST_HAVE;
         if P::HAS_IMU {
@@ -191,7 +191,6 @@ impl<'r> Robot<'r> {
 
     /// Adds the task of this many serial parts, behind the others, contacts, voltages and servos: it gets their ports
     /// and pins in the order of the description. A servo's pulse is a signal of its label, µs.
-    #[must_use]
     #[track_caller]
     pub fn parts<F: Future + 'r>(
         mut self,
@@ -210,7 +209,6 @@ impl<'r> Robot<'r> {
     }
 
     /// Adds the next bus, and its port for tasks.
-    #[must_use]
     pub fn bus(mut self, bus: MotorBus<'r>, port: &'r BusPort) -> Self {
         self.buses.push(bus);
         self.ports.buses.push(port);
@@ -218,7 +216,6 @@ impl<'r> Robot<'r> {
     }
 
     /// Adds the next RS-485 line, and its port for tasks.
-    #[must_use]
     pub fn line(mut self, line: Rs485Bus<'r>, port: &'r Rs485Port) -> Self {
         self.lines.push(line);
         self.ports.lines.push(port);
@@ -226,7 +223,6 @@ impl<'r> Robot<'r> {
     }
 
     /// Adds an own task, beside those of the buses.
-    #[must_use]
     #[track_caller]
     pub fn task<T, F: Future<Output = T> + 'r>(mut self, task: F) -> Self {
         self.tasks.push(boxed(TaskName::of::<F>(), task));
@@ -234,7 +230,6 @@ impl<'r> Robot<'r> {
     }
 
     /// Sets the arm switch, for the times in reports.
-    #[must_use]
     pub const fn switch(mut self, switch: &'r ArmSwitch) -> Self {
         self.ports.switch = Some(switch);
         self
@@ -253,7 +248,6 @@ impl<'r> Robot<'r> {
     ///     .signal("odometry yaw", "rad", move |_| Some(heading))
     ///     .estimate(["odometry x", "odometry y", "odometry yaw"]);
     /// ```
-    #[must_use]
     pub const fn estimate(mut self, signals: PoseSignals) -> Self {
         self.description.estimate = Some(signals);
         self
@@ -261,14 +255,12 @@ impl<'r> Robot<'r> {
 
     /// Sets the own signals of the reference pose, in the axes and form of the
     /// [`estimate`](Self::estimate), which a run compares with the path.
-    #[must_use]
     pub const fn reference(mut self, signals: PoseSignals) -> Self {
         self.description.reference = Some(signals);
         self
     }
 
     /// Adds the task that listens to the remote's receiver, and its counters.
-    #[must_use]
     #[track_caller]
     pub fn remote<F: Future + 'r>(
         mut self,
@@ -283,7 +275,6 @@ impl<'r> Robot<'r> {
 
     /// Adds an own signal: a value of the tasks that a run records, with its unit; `None` without a
     /// value.
-    #[must_use]
     pub fn signal(
         mut self,
         label: &'static str,
@@ -320,7 +311,6 @@ impl<'r> Robot<'r> {
     }
 
     /// Adds the task of the next part on a UART, and the counters of its bytes.
-    #[must_use]
     #[track_caller]
     pub fn serial<F: Future + 'r>(
         mut self,
