@@ -60,8 +60,7 @@ pub fn python() -> Result<()> {
         || answer(Command::new("python3").args(["-c", "import venv, ensurepip"])).is_some();
     if !can_make_environments() {
         println!("setup: no python3 that can make virtual environments; asking Debian for one");
-        run(Command::new("apt-get").args(["update", "--quiet"]))
-            .and_then(|()| install(&["python3", "python3-venv"]))
+        install(&["python3", "python3-venv"])
             .context("install Python 3.10 or newer, with venv and ensurepip")?;
     }
     ensure!(can_make_environments(), "python3 cannot make virtual environments");
@@ -76,9 +75,7 @@ pub fn browser() -> Result<()> {
         || programs.iter().all(|it| answer(Command::new(it).arg("--version")).is_some());
     if !are_there() {
         println!("setup: no chromium and chromedriver; asking Debian for them");
-        run(Command::new("apt-get").args(["update", "--quiet"]))
-            .and_then(|()| install(&["chromium", "chromium-driver"]))
-            .context("install Chromium and its driver")?;
+        install(&["chromium", "chromium-driver"]).context("install Chromium and its driver")?;
     }
     ensure!(are_there(), "chromium and chromedriver do not run");
     println!("setup: a browser for the tests of the page");
@@ -122,8 +119,9 @@ fn judge_probe_rs(version: Option<&str>) -> String {
     }
 }
 
-/// Debian's packages.
+/// Debian's packages, of its newest list.
 fn install(packages: &[&str]) -> Result<()> {
+    run(Command::new("apt-get").args(["update", "--quiet"]))?;
     let mut apt = Command::new("apt-get");
     apt.args(["install", "--quiet", "--yes", "--no-install-recommends"])
         .args(packages)
@@ -148,9 +146,7 @@ fn is_library(path: &Path, name: &str) -> bool {
 /// Debian has the compiler and the library's source, but not the library for this target: build
 /// it once, into the compiler's own sysroot.
 fn from_debian(rustc: &Path) -> Result<()> {
-    let packages = ["rustc-web", "rust-web-src"];
-    run(Command::new("apt-get").args(["update", "--quiet"]))?;
-    install(&packages)?;
+    install(&["rustc-web", "rust-web-src"])?;
     let sysroot = answer(Command::new(rustc).args(["--print", "sysroot"]))
         .context("Debian's rustc does not run")?;
     let targets = Path::new(&sysroot).join("lib/rustlib");
