@@ -35,22 +35,10 @@
 //!         Range::OutOfRange | Range::Unreliable(_) | Range::Fault(_) => None,
 //!     }
 //! }
-//! # /// A wire with bytes on it that then breaks.
-//! # struct Wire(&'static [u8]);
-//! # impl embedded_io_async::ErrorType for Wire {
-//! #     type Error = core::convert::Infallible;
-//! # }
-//! # impl Read for Wire {
-//! #     async fn read(&mut self, into: &mut [u8]) -> Result<usize, Self::Error> {
-//! #         if self.0.is_empty() {
-//! #             core::future::pending::<()>().await;
-//! #         }
-//! #         self.0.read(into).await
-//! #     }
-//! # }
+//! # mod wire { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/docs/wire.rs")); }
 //! # let said = &[7, 7, 0x59, 0x59, 0x7B, 0x00, 0xD7, 0x11, 0x90, 0x09, 0xAE];
 //! # let mut world = rc10_sim::World::new(1);
-//! # let mut task = core::pin::pin!(laser(Wire(said)));
+//! # let mut task = core::pin::pin!(laser(wire::Wire(said)));
 //! # assert_eq!(wall(world.now()), None);
 //! # let mut run = |millis| {
 //! #     let _ = world.run(task.as_mut(), Micros::from_millis(millis));

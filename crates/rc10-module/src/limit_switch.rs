@@ -35,14 +35,8 @@ impl Active {
 /// It does not debounce: [`Homing`](rc10_app::mechanism::Homing) does.
 ///
 /// ```
-/// # use core::convert::Infallible;
-/// # use embedded_hal::digital::{ErrorType, InputPin};
-/// # struct High;
-/// # impl ErrorType for High { type Error = Infallible; }
-/// # impl InputPin for High {
-/// #     fn is_high(&mut self) -> Result<bool, Infallible> { Ok(true) }
-/// #     fn is_low(&mut self) -> Result<bool, Infallible> { Ok(false) }
-/// # }
+/// # mod pin { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/docs/pin.rs")); }
+/// # use pin::High;
 /// use rc10_module::limit_switch::{Active, Contact};
 /// let mut bottom = Contact::new(High, Active::High); // wired by the contact that opens
 /// assert!(bottom.is_closed());
