@@ -332,3 +332,40 @@ fn two_nodes_of_one_identifier_are_counted() {
     world.advance(Micros::from_millis(5));
     assert!(bus.counters().id_clashes > 0);
 }
+
+#[test]
+fn two_controllers_arbitrate_hear_and_acknowledge_each_other() {
+    let mut world = World::new(1);
+    let left = world.add_bus(BusConfig::default());
+    let right = left.another_end();
+    let (mut ours, mut theirs) = (left.port(), right.port());
+    // Nothing else is there: each is acknowledged by the other one.
+    let _ = ours.submit(&standard(0x300, [1; 8]));
+    let _ = theirs.submit(&standard(0x200, [2; 8]));
+    let _ = theirs.submit(&standard(0x400, [3; 8]));
+    world.advance(Micros::from_millis(1));
+    let from_controller = |bus: &Bus| -> Vec<_> {
+        bus.take_trace().iter().map(|it| (it.frame.key(), it.from_controller)).collect()
+    };
+    assert_eq!(from_controller(&left), [(0x200, false), (0x300, true), (0x400, false)]);
+    assert_eq!(from_controller(&right), [(0x200, true), (0x300, false), (0x400, true)]);
+    let heard = |port: &mut SimPort| port.receive().map(|(frame, _)| frame.key());
+    assert_eq!([(); 3].map(|()| heard(&mut ours)), [Some(0x200), Some(0x400), None]);
+    assert_eq!([(); 2].map(|()| heard(&mut theirs)), [Some(0x300), None]);
+    // One end cut: both are alone, and both go on when it is whole again.
+    right.set_cut(true);
+    let _ = ours.submit(&standard(0x300, [4; 8]));
+    let _ = theirs.submit(&standard(0x200, [5; 8]));
+    world.advance(Micros::from_millis(100));
+    assert_eq!([ours.health().state, theirs.health().state], [ErrorState::Passive; 2]);
+    assert_eq!([heard(&mut ours), heard(&mut theirs)], [None; 2]);
+    right.set_cut(false);
+    world.advance(Micros::from_millis(101));
+    assert_eq!([heard(&mut ours), heard(&mut theirs)], [Some(0x200), Some(0x300)]);
+    // Of one identifier at once both cannot be told apart.
+    let before = left.counters().id_clashes;
+    let _ = ours.submit(&standard(0x300, [6; 8]));
+    let _ = theirs.submit(&standard(0x300, [7; 8]));
+    world.advance(Micros::from_millis(102));
+    assert_eq!(left.counters().id_clashes, before + 1);
+}
