@@ -204,6 +204,11 @@ impl Boards {
         }
     }
 
+    /// A plan of that bus with the frames between the boards.
+    pub const fn in_plan(&self, motors: Plan) -> Plan {
+        with_frames(motors, self.first, self.topics)
+    }
+
     fn pattern(&self) -> IdPattern {
         IdPattern::standard(self.first).under(!u32::from(IDS - 1))
     }
@@ -214,6 +219,30 @@ impl Boards {
     }
 }
 
+/// A plan with the frames between two boards behind those of its motors: two arm states, then topics.
+const fn with_frames(plan: Plan, first: u16, topics: &[TopicEntry]) -> Plan {
+    // An arm state that changes is told at once: two within a period.
+    let (mut plan, beat) = (plan, BEAT.get() as u32);
+    let mut at = 0;
+    while at < 2 {
+        let frames = Frames::new(IdPattern::standard(first + at), BEAT_LEN, Rate::Rare);
+        plan = plan.and(frames, beat, beat - 1000);
+        at += 1;
+    }
+    let mut topic = 0;
+    while topic < topics.len() {
+        let mut part = 0;
+        while part < topics[topic].parts() {
+            let id = first + 4 * topics[topic].number as u16 + part as u16;
+            let frames = Frames::new(IdPattern::standard(id), 8, Rate::Rare);
+            plan = plan.and(frames, topics[topic].period.get() as u32, 1000);
+            part += 1;
+        }
+        topic += 1;
+    }
+    plan.settled()
+}
+
 /// Whether all is in time with topics at these identifiers, and no motor has one of them.
 const fn is_in_time(
     motors: Plan,
@@ -222,7 +251,7 @@ const fn is_in_time(
     topics: &[TopicEntry],
 ) -> bool {
     let ids = IdPattern::standard(first).under(!(IDS as u32 - 1));
-    let (mut plan, mut at) = (motors, 0);
+    let (plan, mut at) = (motors, 0);
     let of_motors = plan.sorts().len();
     while at < of_motors {
         if plan.sorts()[at].frames.pattern.overlap(&ids).is_some() {
@@ -230,26 +259,7 @@ const fn is_in_time(
         }
         at += 1;
     }
-    // An arm state that changes is told at once: two within a period.
-    let beat = BEAT.get() as u32;
-    at = 0;
-    while at < 2 {
-        let frames = Frames::new(IdPattern::standard(first + at as u16), BEAT_LEN, Rate::Rare);
-        plan = plan.and(frames, beat, beat - 1000);
-        at += 1;
-    }
-    at = 0;
-    while at < topics.len() {
-        let mut part = 0;
-        while part < topics[at].parts() {
-            let id = first + 4 * topics[at].number as u16 + part as u16;
-            let frames = Frames::new(IdPattern::standard(id), 8, Rate::Rare);
-            plan = plan.and(frames, topics[at].period.get() as u32, 1000);
-            part += 1;
-        }
-        at += 1;
-    }
-    let (plan, mut sort) = (plan.settled(), 0);
+    let (plan, mut sort) = (with_frames(plan, first, topics), 0);
     while sort < plan.sorts().len() {
         let is_late = if sort < of_motors {
             plan.is_feedback(sort) && {
@@ -268,7 +278,7 @@ const fn is_in_time(
         } else {
             // From when it was due: an arm state that changes counts as one that is four milliseconds early.
             let is_beat = sort < of_motors + 2;
-            let most = if is_beat { beat - 1000 + LATEST_BEAT } else { plan.period(sort) + 1000 };
+            let most = plan.period(sort) - 1000 + if is_beat { LATEST_BEAT } else { 2000 };
             is_above(plan.response(sort), most)
         };
         if is_late {

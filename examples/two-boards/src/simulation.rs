@@ -10,7 +10,7 @@ impl Simulated for gimbal::Robot {
     fn description() -> Description {
         Description {
             remote: Some(RemoteControl::of::<Self>(&SCRIPT, Some(Micros::from_millis(5000)))),
-            partner: Some(Partner::of::<chassis::Robot>(BOARDS.buses(Role::Leads))),
+            partner: Some(Partner::of::<chassis::Robot>(BOARDS, Role::Leads)),
             mechanisms: vec![Shape::turret("gimbal", gimbal::Name::Yaw, 0.0)],
             // It looks ahead at power-on.
             ..Description::of_program::<Self>(|_| Plant {
@@ -25,7 +25,7 @@ impl Simulated for chassis::Robot {
     fn description() -> Description {
         Description {
             base: Some(Base::of(chassis::BASE.wheels, &chassis::BASE.geometry).with_mass(18.0)),
-            partner: Some(Partner::of::<gimbal::Robot>(BOARDS.buses(Role::Follows))),
+            partner: Some(Partner::of::<gimbal::Robot>(BOARDS, Role::Follows)),
             ..Description::of_program::<Self>(|_| Plant::default())
         }
     }

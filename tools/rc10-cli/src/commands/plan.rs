@@ -12,6 +12,7 @@ use rc10_motor::{
     declaration,
 };
 use rc10_sim::fault::is_called;
+use rc10_tasks::boards::Boards;
 use rc10_time::Micros;
 use serde_json::{Value, json};
 
@@ -166,8 +167,18 @@ pub fn plan(args: &PlanArgs, description: &Description, out: &mut dyn Write) -> 
         }
     }
     let extra = Extra { errors: args.errors, set_up: args.set_up };
-    let buses: Vec<_> =
-        (1..=description.buses).map(|bus| BusPlan::of(bus, &entries, extra)).collect();
+    // The bus of two boards has the motors of both.
+    let shared = description.partner.map(|other| (other, other.boards.buses(other.role)));
+    if let Some((other, [here, there])) = shared {
+        let theirs =
+            (other.description)().motors.into_iter().filter(|it| it.on == Place::Bus(there));
+        entries.extend(theirs.map(|motor| entry(&Motor { on: Place::Bus(here), ..motor })));
+    }
+    let plan = |bus| {
+        let boards = shared.filter(|(_, [here, _])| *here == bus).map(|(other, _)| other.boards);
+        BusPlan::of(bus, &entries, extra, boards)
+    };
+    let buses: Vec<_> = (1..=description.buses).map(plan).collect();
     if args.json {
         let buses: Vec<_> = buses.iter().map(BusPlan::to_json).collect();
         writeln!(out, "{}", json!({ "errors_per_second": args.errors, "buses": buses }))?;
@@ -197,8 +208,9 @@ struct BusPlan<'e> {
 }
 
 impl<'e> BusPlan<'e> {
-    fn of(number: u8, entries: &'e [Entry<Device>], extra: Extra) -> Self {
+    fn of(number: u8, entries: &'e [Entry<Device>], extra: Extra, boards: Option<Boards>) -> Self {
         let on = Place::Bus(number);
+        let plan = Plan::of(entries, on, extra);
         let mut kinds = vec![
             ("M3508 at 1 kHz".to_owned(), dji::Config::new(&dji::M3508, 1).device()),
             (
@@ -224,14 +236,14 @@ impl<'e> BusPlan<'e> {
         Self {
             number,
             entries,
-            plan: Plan::of(entries, on, extra),
+            plan: boards.map_or(plan, |boards| boards.in_plan(plan)),
             load: declaration::load(entries, on),
             fits: kinds.into_iter().map(fits).collect(),
         }
     }
 
     fn label(&self, motor: usize) -> &'static str {
-        self.entries.get(motor).map_or("", |entry| entry.label)
+        self.entries.get(motor).map_or("a board", |entry| entry.label)
     }
 
     /// The motors that a command is for, or the one whose feedback it is.
@@ -251,10 +263,21 @@ impl<'e> BusPlan<'e> {
         }
     }
 
+    fn is_between_boards(&self, sort: &Sort) -> bool {
+        sort.motor >= self.entries.len()
+    }
+
+    /// Of a frame that is sent all the time.
+    fn period(&self, at: usize, sort: &Sort) -> Option<u32> {
+        match sort.frames.rate.per_second() {
+            0 if self.is_between_boards(sort) => Some(self.plan.period(at)),
+            rate => 1_000_000_u32.checked_div(rate),
+        }
+    }
+
     fn frames(&self) -> Table {
         let row = |(at, sort): (usize, &Sort)| {
-            let rate = sort.frames.rate.per_second();
-            let period = 1_000_000_u32.checked_div(rate);
+            let (period, is_between_boards) = (self.period(at, sort), self.is_between_boards(sort));
             let within = self.plan.response(at);
             // A reply has no time of its own: it follows its command.
             let is_reply = !sort.is_command && matches!(sort.frames.rate, Rate::EveryTick);
@@ -263,10 +286,10 @@ impl<'e> BusPlan<'e> {
             vec![
                 words(sort.frames.pattern),
                 words(if sort.is_command { "robot" } else { self.label(sort.motor) }),
-                words(if sort.is_command {
-                    self.motors(at).join(", ")
-                } else {
-                    "robot".to_owned()
+                words(match (sort.is_command, is_between_boards) {
+                    (true, _) => self.motors(at).join(", "),
+                    (false, true) => "the other".to_owned(),
+                    (false, false) => "robot".to_owned(),
                 }),
                 words(period.map_or("set-up".to_owned(), |period| period.to_string())),
                 words(self.plan.bits(at)),
@@ -288,24 +311,30 @@ impl<'e> BusPlan<'e> {
     fn ages(
         &self,
     ) -> impl Iterator<Item = (&'static str, Option<u32>, Option<u32>, Option<Micros>)> {
-        self.plan.sorts().iter().enumerate().filter(|(at, _)| self.plan.is_feedback(*at)).map(
-            |(at, sort)| {
-                let allowed = self.entries.get(sort.motor).and_then(|entry| entry.most_age);
-                (
-                    self.label(sort.motor),
-                    sort.command.and_then(|at| self.plan.response(at)),
-                    self.plan.age(at),
-                    allowed,
-                )
-            },
-        )
+        let of_motors = self
+            .plan
+            .sorts()
+            .iter()
+            .enumerate()
+            .take_while(|(_, sort)| sort.motor < self.entries.len());
+        of_motors.filter(|(at, _)| self.plan.is_feedback(*at)).map(|(at, sort)| {
+            let allowed = self.entries.get(sort.motor).and_then(|entry| entry.most_age);
+            (
+                self.label(sort.motor),
+                sort.command.and_then(|at| self.plan.response(at)),
+                self.plan.age(at),
+                allowed,
+            )
+        })
     }
 
     fn print(&self, out: &mut dyn Write) -> Result<()> {
         let count = self.entries.iter().filter(|entry| entry.on == Place::Bus(self.number)).count();
         writeln!(out, "bus {}: {count} motors, {}", self.number, self.load)?;
-        if count > 0 {
+        if !self.plan.sorts().is_empty() {
             writeln!(out, "{}", self.frames().text())?;
+        }
+        if count > 0 {
             let us = |time: Option<u32>| time.map_or("no bound".to_owned(), |it| it.to_string());
             let row = |(label, command, age, allowed): (
                 &str,
@@ -341,7 +370,7 @@ impl<'e> BusPlan<'e> {
                 "frame": sort.frames.pattern.to_string(),
                 "is_command": sort.is_command,
                 "motors": self.motors(at),
-                "period_us": 1_000_000_u32.checked_div(sort.frames.rate.per_second()),
+                "period_us": self.period(at, sort),
                 "bits": self.plan.bits(at),
                 "response_us": self.plan.response(at),
             })

@@ -11,6 +11,7 @@ use rc10_sim::fault::{Defect, is_called};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{ArmLink, Closed, Esc, Faults, Nanos, Serial, World};
 use rc10_tasks::Program;
+use rc10_tasks::boards::{Boards, Role};
 use rc10_tasks::program::Active;
 use rc10_time::Micros;
 use serde_json::{Value, json};
@@ -93,8 +94,9 @@ pub struct SerialPart {
 /// The other board of a robot: a program of its own, on the bus that both are on.
 #[derive(Clone, Copy, Debug)]
 pub struct Partner {
-    /// The bus that both are on, as this board counts, and as the other one does.
-    pub(crate) buses: [u8; 2],
+    pub(crate) boards: Boards,
+    /// What this board is to the other one.
+    pub(crate) role: Role,
     pub(crate) description: fn() -> Description,
     /// A `Robot<'static>` of it.
     pub(crate) robot: fn() -> Result<Box<dyn Any>>,

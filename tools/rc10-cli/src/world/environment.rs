@@ -164,7 +164,7 @@ impl Environment {
         let mut partner = None;
         // That of the other board is this one.
         if let (Some(other), None) = (&description.partner, shared) {
-            let [here, there] = other.buses;
+            let [here, there] = other.boards.buses(other.role);
             let wire = usize::from(here).checked_sub(1).and_then(|at| wires.get(at));
             let wire = wire.with_context(|| format!("the other board: there is no bus {here}"))?;
             let around = Self::within(world.another(), &(other.description)(), Some((there, wire)));

@@ -16,6 +16,7 @@ use rc10_motor::record::FIRST_LINE;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Verdict};
 use rc10_sim::{Contact, Serial, Servo, TaskName, Tasks, UartPort, Voltage};
+use rc10_tasks::boards::{Boards, Role};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, Program, heading, remote, status};
 use rc10_time::Micros;
@@ -85,12 +86,12 @@ fn boxed<'r, T>(name: TaskName, task: impl Future<Output = T> + 'r) -> Task<'r> 
 }
 
 impl Partner {
-    /// The board of another program, with which it shares the bus that is the first of these here, and the second there.
+    /// The board of another program, for a board with this role.
     #[must_use]
-    pub fn of<P: Simulated>(buses: [u8; 2]) -> Self {
+    pub fn of<P: Simulated>(boards: Boards, role: Role) -> Self {
         let robot =
             || anyhow::Ok(Box::new(Robot::for_good::<P>(P::description())?) as Box<dyn Any>);
-        Self { buses, description: P::description, robot }
+        Self { boards, role, description: P::description, robot }
     }
 
     /// Its robot, before it runs.
