@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod architecture;
+mod black_box;
 mod board_test;
 mod bus_off;
 mod chinese;

@@ -7,6 +7,8 @@ use rc10_cli::replay::{Inputs, Told, replayed};
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_cli::run::running::Running as _;
 use rc10_cli::{Robot, Simulated, robot_for_good};
+use rc10_motor::record::ring::{Memory, NEWEST, Reader, WORDS, Writer};
+use rc10_motor::record::{SENT, STATE};
 use rc10_sim::{Nanos, Random};
 use rc10_time::Micros;
 
@@ -43,11 +45,84 @@ where
         drop(emulation.take_frames());
         words.extend(emulation.take_inputs());
     }
+    is_packed(name, &words);
     let (told, difference) = replayed(&words, robot::<P>()).unwrap();
     assert_eq!(difference, None, "{name}");
     println!("{name}: {told:?}");
     assert_eq!((told.lost, told.unknown), (0, 0));
     told
+}
+
+/// What went into a ring comes out of it, without what only a test bench wants.
+fn is_packed(name: &str, words: &[u32]) {
+    let mut memory: Box<Memory> = vec![0; WORDS].try_into().unwrap();
+    let (mut writer, mut reader) = (Box::new(Writer::NEW), Box::new(Reader::NEW));
+    writer.clear(&mut memory, 0);
+    let (mut put, mut read) = (Vec::new(), Vec::new());
+    let mut rest = words;
+    while let Some(head) = rest.first() {
+        let [kind, _, length, more] = head.to_le_bytes();
+        let (entry, behind) = rest.split_at(1 + usize::from(length));
+        rest = behind;
+        if kind == STATE || kind == SENT && more >> 4 == 0 {
+            continue;
+        }
+        writer.put(&mut memory, entry);
+        put.extend_from_slice(entry);
+        if memory[NEWEST].is_multiple_of(16) {
+            reader.read(&memory, &mut |entry| read.extend_from_slice(entry));
+        }
+    }
+    reader.read(&memory, &mut |entry| read.extend_from_slice(entry));
+    assert!(put == read, "{name}: what comes out is not what went in");
+}
+
+/// Runs a chip that no test bench watches until its black box is full; returns the seconds in it.
+fn kept<P: Simulated>(name: &str) -> f64
+where
+    P::Name: 'static,
+    P::Own: 'static,
+    P::Motors: 'static,
+{
+    let file = program(&format!("{name}-firmware-black-box"));
+    let motors = robot::<P>().description().motors.len();
+    let mut emulation = Emulation::new(&file, robot::<P>(), &Setup::default()).unwrap();
+    emulation.forgets = true;
+    let mut at = 0;
+    let memory = loop {
+        at += 500;
+        emulation.run(millis(at)).unwrap();
+        drop(emulation.take_frames());
+        let memory = emulation.black_box().unwrap();
+        if u32::from_le_bytes(*memory[4 * NEWEST..].first_chunk().unwrap()) > 33 {
+            break memory;
+        }
+    };
+    let bytes = 327_456.0 * 31.5 / 32.0;
+    let words = Inputs::read(&mut Cursor::new(memory)).unwrap().words;
+    let (told, difference) = replayed(&words, robot::<P>()).unwrap();
+    assert_eq!(difference, None, "{name}");
+    let [first, last] = told.times.unwrap();
+    let millis = last.since(first).get() as f64 / 1000.0;
+    let [each, plain] = [bytes, 4.0 * words.len() as f64].map(|it| it / millis / motors as f64);
+    println!(
+        "{name}: {:.1} s, about {each:.1} bytes a motor and ms of {plain:.1}; {} ticks before the state is known",
+        millis / 1000.0,
+        told.unknown
+    );
+    // Each bus ticks once a millisecond; its motors are all known half a second after the begin.
+    assert!(told.lost == 0 && told.unknown < 3 * 500, "{told:?}");
+    millis / 1000.0
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_black_box_has_eight_seconds_of_the_teams_robot() {
+    assert!(kept::<team::Robot>("team") > 8.0);
+    assert!(kept::<omni::Robot>("omni") > 8.0);
+    assert!(kept::<lift::Robot>("lift") > 8.0);
+    assert!(kept::<swerve::Robot>("swerve") > 7.0);
+    assert!(kept::<mixed::Robot>("mixed") > 1.5);
 }
 
 fn is_replayed<P: Simulated>(name: &str, buses: u64)

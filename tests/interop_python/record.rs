@@ -1,9 +1,11 @@
 //! The package `mcap-ros2-support` reads a record: its schemas say what stands in it, without our code.
 
+use std::fs::{self, File};
 use std::process::Command;
 
 use rc10_cli::record::RecordWriter;
 use rc10_cli::recording::Recording;
+use rc10_cli::replay::Inputs;
 use rc10_cli::run::simulate::{heading, simulate_into};
 use rc10_time::Micros;
 use serde_json::Value;
@@ -11,6 +13,7 @@ use team::{Motors, Ports, Shared};
 
 use super::scratch::Scratch;
 use super::{must_succeed, python, script};
+use crate::black_box::{plain, ring};
 
 const LENGTH: Micros = Micros::from_millis(2000);
 
@@ -103,8 +106,19 @@ fn python_finds_the_same_inputs() {
     robot.record_inputs();
     let record = RecordWriter::new(&path, false, &heading(&robot, 4)).unwrap();
     let run = simulate_into(robot, 4, LENGTH, Some(record)).unwrap();
-    let printed = must_succeed(Command::new(python).arg(script("read_inputs.py")).arg(&path));
-    let found: Value = serde_json::from_str(&printed).unwrap();
+    let read = |path| {
+        let printed = must_succeed(Command::new(python).arg(script("read_inputs.py")).arg(path));
+        serde_json::from_str::<Value>(&printed).unwrap()
+    };
+    let found = read(&path);
+    // The same as a chip's black box has it.
+    let words = Inputs::read(&mut File::open(&path).unwrap()).unwrap().words;
+    let (mut writer, mut memory) = ring();
+    plain(&words).iter().for_each(|entry| writer.put(&mut memory, entry));
+    let bytes: Vec<u8> = memory.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let packed = folder.join("packed.bin");
+    fs::write(&packed, bytes).unwrap();
+    assert!(read(&packed) == found, "the packed inputs are others");
     for (place, bus) in run.buses.iter().enumerate() {
         let found = &found[place.to_string()];
         // DJI's motors are commanded with these; all others are theirs.

@@ -10,6 +10,10 @@
     reason = "halves of words, and numbers of at most 15 motors"
 )]
 
+mod code;
+pub mod ring;
+
+use core::cell::Cell;
 #[cfg(not(target_os = "none"))]
 use core::fmt;
 
@@ -28,7 +32,7 @@ pub trait Sink: Sync {
     fn is_proof(&self) -> bool;
 }
 
-/// A bus begins: the time of its first tick.
+/// A bus begins: the time of its first tick, and a hash of its motors as they are before.
 pub const START: u8 = 1;
 /// A half of a tick begins: its time. The byte is the arm switch's state.
 pub const TICK: u8 = 2;
@@ -63,8 +67,10 @@ pub const FAILED: u8 = 16;
 /// As many words are missing.
 pub const LOST: u8 = 17;
 
-/// Ticks from one keyframe of a bus to the next; each has the bus's own state, and the next motor's.
-const KEYFRAME_EVERY: u32 = 64;
+/// Ticks in which each motor of a bus has a keyframe, and with each of them the bus.
+const KEYFRAMES_WITHIN: u32 = 448;
+/// Ticks that a keyframe waits for a quiet moment.
+const PATIENCE: u32 = 8;
 /// The place of the first line.
 pub const FIRST_LINE: u8 = 8;
 /// Longest entry, words.
@@ -169,6 +175,15 @@ pub fn hash(of: &dyn Recorded, mut each: impl FnMut(u8, u32)) -> u64 {
     whole.get()
 }
 
+/// A hash of a place's motors before the first tick: together with those of the others a fingerprint of the program.
+pub fn print(place: u8, of: &dyn Recorded) -> u32 {
+    let mut whole = Hash::NEW;
+    whole.add(&[place]);
+    (0..of.motors()).for_each(|motor| of.save(motor, &mut |bytes| whole.add(bytes)));
+    let [low, high] = halves(whole.get());
+    low ^ high
+}
+
 /// A sink, and the place that writes into it.
 pub(crate) type To = Option<(&'static dyn Sink, u8)>;
 
@@ -179,6 +194,8 @@ pub(crate) struct Recorder {
     /// As recorded last.
     arm: u8,
     health: Option<Health>,
+    /// Number of those so far.
+    keyframes: Cell<u32>,
 }
 
 impl Recorder {
@@ -187,7 +204,7 @@ impl Recorder {
             Some((sink, place)) => (Some(sink), place),
             None => (None, 0),
         };
-        Self { sink, place, arm: 0, health: None }
+        Self { sink, place, arm: 0, health: None, keyframes: Cell::new(0) }
     }
 
     /// An entry; its first word lacks place and length.
@@ -232,9 +249,11 @@ impl Recorder {
         sink.put(&entry[..words]);
     }
 
-    pub(crate) fn start(&self, first: Micros) {
-        let [low, high] = halves(first.get());
-        self.put(START, 0, [0, low, high]);
+    pub(crate) fn start(&self, of: &dyn Recorded, first: Micros) {
+        if self.sink.is_some() {
+            let [low, high] = halves(first.get());
+            self.put(START, 0, [0, low, high, print(self.place, of)]);
+        }
     }
 
     #[inline]
@@ -290,7 +309,6 @@ impl Recorder {
     /// The state after a tick.
     pub(crate) fn state(&self, of: &dyn Recorded, ticks: u32) {
         let Some(sink) = self.sink else { return };
-        let is_keyframe = ticks.is_multiple_of(KEYFRAME_EVERY);
         if sink.is_proof() {
             let mut entry = [0; 32];
             let whole = hash(of, |motor, own| entry[usize::from(motor) + 3] = own);
@@ -298,10 +316,18 @@ impl Recorder {
             entry[1..3].copy_from_slice(&halves(whole));
             sink.put(&entry[..usize::from(of.motors()) + 3]);
         }
-        if is_keyframe {
-            let motor = (ticks / KEYFRAME_EVERY % u32::from(of.motors().max(1))) as u8;
+        self.keyframe(of, ticks, false);
+    }
+
+    /// The next part of the state, if it is due: in a quiet moment, or as there is none.
+    pub(crate) fn keyframe(&self, of: &dyn Recorded, ticks: u32, is_quiet: bool) {
+        let (count, motors) = (self.keyframes.get(), u32::from(of.motors().max(1)));
+        let due = count / 2 * (KEYFRAMES_WITHIN / motors) + count % 2;
+        if self.sink.is_some() && ticks > due && (is_quiet || ticks > due + PATIENCE) {
+            self.keyframes.set(count + 1);
             // The bus's own first: with it a motor goes on as it did.
-            for part in [Some(BUS), (motor < of.motors()).then_some(motor)].into_iter().flatten() {
+            let part = if count % 2 == 0 { BUS } else { (count / 2 % motors) as u8 };
+            if part == BUS || part < of.motors() {
                 self.put_bytes::<LONGEST>(KEYFRAME, part, None, |to| of.save(part, to));
             }
         }

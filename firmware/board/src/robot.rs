@@ -68,6 +68,8 @@ pub fn begin() -> Board {
     let power_came = crash::power_came();
     let cause = crash::take_last();
     HAS_CRASHED.store(cause.is_some(), Ordering::Relaxed);
+    #[cfg(feature = "black-box")]
+    CAUSE.store(number(cause.as_ref()), Ordering::Relaxed);
     match cause {
         Some(LastCrash::Hang { program_counter }) => defmt::error!(
             "the last run ended in a crash: Watchdog, hung at {=u32:#010x} (addr2line -fie FILE ADDRESS names it)",
@@ -81,6 +83,23 @@ pub fn begin() -> Board {
 }
 
 static HAS_CRASHED: AtomicBool = AtomicBool::new(false);
+
+/// The number of that crash, as a black box keeps it.
+#[cfg(feature = "black-box")]
+static CAUSE: AtomicU32 = AtomicU32::new(0);
+
+#[cfg(feature = "black-box")]
+const fn number(cause: Option<&LastCrash>) -> u32 {
+    match cause {
+        None => 0,
+        Some(LastCrash::Panic { .. }) => 1,
+        Some(LastCrash::Fault { .. }) => 2,
+        Some(LastCrash::Interrupt { .. }) => 3,
+        Some(LastCrash::CrystalStopped) => 4,
+        Some(LastCrash::Watchdog | LastCrash::Hang { .. }) => 5,
+        Some(LastCrash::Supply) => 6,
+    }
+}
 
 /// Whether the last run ended in a crash, as [`begin`] has found.
 pub fn has_crashed() -> bool {
@@ -267,52 +286,86 @@ fn runner(
 /// stays until the robot has been armed twice.
 #[cfg(feature = "black-box")]
 pub fn record<N>(ports: PortsOf<'static, N>) {
-    use rc10_bsp::black_box::RC10_BLACK_BOX as RING;
-    use rc10_motor::record::{FIRST_LINE, Sink, TICK};
+    use core::cell::UnsafeCell;
+
+    use rc10_bsp::black_box::RC10_BLACK_BOX;
+    use rc10_motor::record::ring::{self, Memory, Writer};
+    use rc10_motor::record::{FIRST_LINE, START, Sink, TICK};
 
     struct BlackBox;
+    struct Place(UnsafeCell<Writer>);
+    // SAFETY: it is touched beside the memory only, in the critical section of that.
+    unsafe impl Sync for Place {}
+    static WRITER: Place = Place(UnsafeCell::new(Writer::NEW));
     /// Number of times that it must still be armed, as the ring has it, and in the top bit whether it is.
     static HELD: AtomicU32 = AtomicU32::new(0);
     const IS_ARMED: u32 = 1 << 31;
+    /// The program's fingerprint: of all its buses.
+    static PRINT: AtomicU32 = AtomicU32::new(0);
+
+    fn with<R>(work: impl FnOnce(&mut Writer, &mut Memory) -> R) -> R {
+        // SAFETY: as above; this is not called within itself.
+        RC10_BLACK_BOX.with(|memory| work(unsafe { &mut *WRITER.0.get() }, memory))
+    }
 
     impl Sink for BlackBox {
         fn put(&self, entry: &[u32]) {
-            let held = HELD.load(Ordering::Relaxed);
-            if held == 0 {
-                return RING.put(entry);
-            }
             let [kind, place, _, arm] = entry[0].to_le_bytes();
+            let mut held = HELD.load(Ordering::Relaxed);
+            if kind == START {
+                let print = PRINT.load(Ordering::Relaxed) ^ entry[3];
+                PRINT.store(print, Ordering::Relaxed);
+                if held == 0 {
+                    with(|_, memory| memory[ring::PRINT] = print);
+                }
+            }
             // Any one place: all see the same switch. Suspended, by a remote that is lost, it is armed.
             let is_armed = matches!(arm, 1 | 4);
             let is_news = is_armed != (held & IS_ARMED != 0);
-            if kind == TICK && matches!(place, 0 | FIRST_LINE) && is_news {
+            if held != 0 && kind == TICK && matches!(place, 0 | FIRST_LINE) && is_news {
                 let left = (held & !IS_ARMED) - u32::from(is_armed);
-                HELD.store(
-                    left | if is_armed && left > 0 { IS_ARMED } else { 0 },
-                    Ordering::Relaxed,
-                );
-                RING.hold(left);
-                if left == 0 {
-                    RING.clear();
-                }
+                held = left | if is_armed && left > 0 { IS_ARMED } else { 0 };
+                HELD.store(held, Ordering::Relaxed);
+                with(|writer, memory| {
+                    if left == 0 {
+                        return writer.clear(memory, PRINT.load(Ordering::Relaxed));
+                    }
+                    memory[ring::HELD..][..2].fill(left);
+                });
+                return;
+            }
+            if held == 0 {
+                with(|writer, memory| writer.put(memory, entry));
             }
         }
 
         fn is_proof(&self) -> bool {
-            RING.is_proof()
+            RC10_BLACK_BOX.with(|memory| memory[ring::WISH] == ring::PROOF)
         }
     }
 
-    if RING.is_proof() && RING.is_kept() {
-        // The test bench takes it all, over every start.
-    } else if RING.is_kept() && (has_crashed() || RING.held() > 0) {
-        if RING.held() == 0 {
-            RING.hold(2);
+    let held = with(|writer, memory| {
+        let is_kept = ring::is_kept(memory);
+        // A reset may have lost one half.
+        let held = memory[ring::HELD].max(memory[ring::HELD + 1]).min(2);
+        if is_kept && memory[ring::WISH] == ring::PROOF {
+            // The test bench takes it all, over every start.
+            writer.resume(memory);
+        } else if is_kept && held > 0 {
+            memory[ring::HELD..][..2].fill(held);
+            return held;
+        } else if is_kept && has_crashed() {
+            memory[ring::HELD..][..2].fill(2);
+            memory[ring::CAUSE] = CAUSE.load(Ordering::Relaxed);
+            return 2;
+        } else {
+            writer.clear(memory, 0);
         }
-        HELD.store(RING.held(), Ordering::Relaxed);
+        0
+    });
+    HELD.store(held, Ordering::Relaxed);
+    if held > 0 {
         defmt::info!("what happened before the crash is kept until the robot is armed twice");
-    } else {
-        RING.clear();
     }
     for (place, port) in (0..).zip(ports.buses) {
         port.record(&BlackBox, place);

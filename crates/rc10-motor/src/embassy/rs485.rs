@@ -132,9 +132,10 @@ impl<'r, 'm> Runner<'r, 'm> {
     pub fn new(bus: &'r mut Rs485Bus<'m>, shared: &'r Rs485Port, now: Micros) -> Self {
         let server = Server::new(shared, bus);
         shared.publish(|status| *status = Rs485Status::NEW);
+        let runner = Self { bus, shared, clock: Clock::new(now + PERIOD), port_errors: 0, server };
         #[cfg(feature = "record")]
-        server.recorder.start(now + PERIOD);
-        Self { bus, shared, clock: Clock::new(now + PERIOD), port_errors: 0, server }
+        runner.server.recorder.start(&runner, now + PERIOD);
+        runner
     }
 
     /// Commands in, motors, status out. Never waits.

@@ -62,6 +62,11 @@ pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
             for runner in runners.iter_mut().filter(|runner| runner.due <= due) {
                 runner.tick(now);
             }
+            // When all have sent there is time.
+            #[cfg(feature = "record")]
+            if runners.iter().all(|runner| !runner.prepared) {
+                runners.iter().for_each(|it| it.server.recorder.keyframe(it, it.clock.ticks, true));
+            }
         }
     }
 }
@@ -136,7 +141,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     fn begin_at(&mut self, first: Micros) {
         (self.clock, self.due) = (Clock::new(first), first - LEAD);
         #[cfg(feature = "record")]
-        self.server.recorder.start(first);
+        self.server.recorder.start(self, first);
     }
 
     /// The health of its port, as of the last tick.

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_motor::embassy::MotorPort;
+use rc10_motor::record::ring::PRINT;
 use rc10_motor::{Request, Tuning};
 use rc10_tasks::live::request_to_set;
 use rc10_time::Micros;
@@ -77,6 +78,14 @@ pub fn replay(args: &ReplayArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let changes = changes(&args.set, &robot)?;
     let (is_open, own) = (!changes.is_empty(), Origin::now(&robot.description().name).revision);
     let mut engine = Engine::new(robot)?;
+    if let Some(black_box) = &inputs.black_box {
+        ensure!(
+            black_box.word(PRINT) == engine.print(),
+            "{}: it is of another program: its motors, their gains or what is kept of them differ from those here. \
+             Replay it with the program that was flashed",
+            named()
+        );
+    }
     let (was, is) = (RefCell::<Efforts>::default(), RefCell::<Efforts>::default());
     if let Some(until) = args.until {
         engine.change(changes);

@@ -12,7 +12,7 @@ use rc10_can::{CanFrame, CanPort, Health, Submitted};
 use rc10_motor::embassy::{BusPort, LineRunner, MotorPort, Rs485Port, Runner};
 use rc10_motor::record::{
     ARM, BUS, BYTES, COMMAND, FAILED, FIRST_LINE, FRAME, HEALTH, KEYFRAME, LOST, OUTGOING, POLL,
-    RECOVER, REQUEST, Recorded, SENT, START, STATE, TICK, TOOK, hash,
+    RECOVER, REQUEST, Recorded, SENT, START, STATE, TICK, TOOK, hash, print,
 };
 use rc10_motor::unitree::{Rs485Bus, Step};
 use rc10_motor::{
@@ -167,6 +167,11 @@ impl<'r> Engine<'r> {
             is_open: false,
             told: Told::default(),
         })
+    }
+
+    /// The fingerprint of the program, as a black box has it.
+    pub(crate) fn print(&self) -> u32 {
+        self.places.iter().fold(0, |sum, it| sum ^ print(it.number, it.recorded()))
     }
 
     /// Begins anew with changes: requests to motors of the table, of each kind the last. Nothing is compared then.

@@ -23,7 +23,8 @@ impl Entry<'_> {
     pub(crate) fn is_well_formed(&self) -> bool {
         let is_line = self.place >= FIRST_LINE;
         let words = match self.kind {
-            START | TICK => 2..=2,
+            START => 3..=3,
+            TICK => 2..=2,
             LOST => 1..=1,
             FRAME if !is_line => 4..=4,
             SENT | OUTGOING if !is_line => 3..=3,

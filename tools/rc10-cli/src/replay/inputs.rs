@@ -5,11 +5,13 @@ use std::io::{Read, Seek};
 
 use anyhow::{Context, Result, ensure};
 
+use rc10_motor::record::ring::MAGIC;
+
 use crate::record::CDR;
 use crate::record::file::{Channel, Item, walk};
 use crate::record::replay::{is_of, numbers};
 use crate::record::{END, INPUTS, LAYOUT, topic};
-use crate::world::black_box;
+use crate::world::black_box::{self, BlackBox};
 use crate::world::robot::Robot;
 
 /// What a file says of the ticks.
@@ -19,6 +21,8 @@ pub struct Inputs {
     pub words: Vec<u32>,
     /// Program and table that wrote it, where it says so.
     pub(crate) revision: String,
+    /// The memory of a chip that it is.
+    pub(crate) black_box: Option<BlackBox>,
     /// Why it ends early, if it does.
     pub(crate) cut: Option<String>,
     /// Topics, with what they say of a motor.
@@ -35,9 +39,14 @@ impl Inputs {
     pub fn read(file: &mut (impl Read + Seek)) -> Result<Self> {
         let mut memory = Vec::new();
         file.take(black_box::BYTES as u64).read_to_end(&mut memory)?;
-        if let Some(words) = black_box::words(&memory) {
-            return Ok(Self { words, ..Self::default() });
+        if let Some(mut black_box) = BlackBox::of(&memory) {
+            let words = black_box.news();
+            return Ok(Self { words, black_box: Some(black_box), ..Self::default() });
         }
+        ensure!(
+            !memory.starts_with(&MAGIC.to_le_bytes()),
+            "it is the memory of a black box, and it is empty, cut off or damaged"
+        );
         let mut inputs = Self::default();
         let (mut channel, mut ends) = (None, false);
         let mut motors: BTreeMap<u16, (String, usize)> = BTreeMap::new();

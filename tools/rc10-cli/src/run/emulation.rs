@@ -4,6 +4,7 @@ use anyhow::{Context, Result, bail, ensure};
 use rc10_emu::fault::{Fault, Kind};
 use rc10_emu::{Board, LogLine, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
+use rc10_motor::record::ring;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
 use rc10_sim::{Base, Bus, Esc, Nanos, Servo, TraceEntry};
 use rc10_time::Micros;
@@ -20,7 +21,7 @@ use crate::run::line::LineListener;
 use crate::run::running::Running;
 use crate::run::watch::Sight;
 use crate::run::{board, foreign};
-use crate::world::black_box;
+use crate::world::black_box::{self, BlackBox};
 use crate::world::console::{CONSOLE, ConsoleLine};
 use crate::world::environment::{Environment, RemoteLink, operate};
 use crate::world::robot::Robot;
@@ -77,9 +78,10 @@ pub struct Emulation<'r> {
     /// Whether frames that were taken are forgotten: it may run for hours.
     pub forgets: bool,
     operator: Option<Operator>,
-    /// Where the black box is, if the program has one, and the words of it that were taken.
-    black_box: Option<(u32, u32)>,
-    records: bool,
+    /// Where the black box is, if the program has one.
+    black_box: Option<u32>,
+    /// What was taken of it, if it is.
+    taken: Option<BlackBox>,
 }
 
 impl<'r> Emulation<'r> {
@@ -137,9 +139,8 @@ impl<'r> Emulation<'r> {
         let seed = setup.seed;
         let black_box = rig.machine.image.symbol(black_box::NAME).ok();
         if let Some(at) = black_box.filter(|_| setup.record) {
-            rig.machine.memory.write(at + black_box::WISH, &black_box::PROOF.to_le_bytes())?;
+            rig.machine.memory.write(at + 4 * ring::WISH as u32, &ring::PROOF.to_le_bytes())?;
         }
-        let black_box = black_box.map(|at| (at, 0));
         Ok(Self {
             rig,
             motors,
@@ -157,16 +158,15 @@ impl<'r> Emulation<'r> {
             console,
             operator,
             black_box,
-            records: setup.record,
+            taken: setup.record.then(BlackBox::default),
         })
     }
 
     /// What the chip's black box holds, as it lies in memory; `None` without one.
     pub fn black_box(&self) -> Option<Vec<u8>> {
         let mut memory = vec![0; black_box::BYTES];
-        let (at, _) = self.black_box?;
-        self.rig.machine.memory.read(at, &mut memory).ok()?;
-        black_box::words(&memory).map(|_| memory)
+        self.rig.machine.memory.read(self.black_box?, &mut memory).ok()?;
+        BlackBox::of(&memory).map(|_| memory)
     }
 
     /// The base on its wheels, if that is simulated.
@@ -261,10 +261,10 @@ impl Running for Emulation<'_> {
     }
 
     fn take_inputs(&mut self) -> Vec<u32> {
-        let Some((at, taken)) = self.black_box.as_mut().filter(|_| self.records) else {
-            return Vec::new();
-        };
-        black_box::news(&self.rig.machine.memory, *at, taken).unwrap_or_default()
+        let (Some(at), Some(taken)) = (self.black_box, &mut self.taken) else { return Vec::new() };
+        let mut memory = vec![0; black_box::BYTES];
+        let read = self.rig.machine.memory.read(at, &mut memory);
+        read.map(|()| taken.news_of(&memory)).unwrap_or_default()
     }
 
     /// The chip's memory is not looked into.

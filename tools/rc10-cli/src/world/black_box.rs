@@ -1,55 +1,62 @@
-//! The black box of a chip, as it lies in its memory: `rc10_bsp::black_box`.
+//! The black box of a chip, as it lies in its memory: [`rc10_motor::record::ring`].
 
-use anyhow::Result;
-use rc10_emu::Memory;
-use rc10_motor::record::{LOST, head};
+use rc10_motor::record::ring::{self, Memory, Reader, WORDS};
 
 /// The symbol of the program.
 pub(crate) const NAME: &str = "RC10_BLACK_BOX";
-const MAGIC: u32 = 0x524E_4731;
-/// Where a test bench says what it wishes, and the wish for more detail.
-pub(crate) const WISH: u32 = 4;
-pub(crate) const PROOF: u32 = 0x5052_4F46;
-const ENDS: usize = 8;
-const FIRST: usize = 24;
-const WORDS: u32 = 65_536;
 /// All of it.
-pub(crate) const BYTES: usize = FIRST + 4 * WORDS as usize;
+pub(crate) const BYTES: usize = 4 * WORDS;
 
-fn word(memory: &[u8], at: usize) -> Option<u32> {
-    memory.get(at..)?.first_chunk().map(|bytes| u32::from_le_bytes(*bytes))
+/// What is read of a black box as it is filled.
+pub(crate) struct BlackBox {
+    reader: Box<Reader>,
+    memory: Box<Memory>,
 }
 
-/// The words in a memory, the oldest first; `None` if it is no black box, or an empty one.
-pub(crate) fn words(memory: &[u8]) -> Option<Vec<u32>> {
-    let [newest, oldest] = [word(memory, ENDS)?, word(memory, ENDS + 4)?];
-    let count = newest.wrapping_sub(oldest);
-    if word(memory, 0)? != MAGIC || count == 0 || count > WORDS {
-        return None;
+impl Default for BlackBox {
+    fn default() -> Self {
+        let memory = vec![0; WORDS].into_boxed_slice();
+        Self {
+            reader: Box::new(Reader::NEW),
+            memory: memory.try_into().unwrap_or_else(|_| Box::new([0; WORDS])),
+        }
     }
-    let places = (0..count).map(|it| (oldest.wrapping_add(it) % WORDS) as usize);
-    places.map(|place| word(memory, FIRST + 4 * place)).collect()
 }
 
-/// The words that were added since, and how many have gone by.
-pub(crate) fn news(memory: &Memory, at: u32, taken: &mut u32) -> Result<Vec<u32>> {
-    if memory.word(at)? != MAGIC {
-        return Ok(Vec::new());
+impl BlackBox {
+    /// A memory, if it is that of a black box in which something is.
+    pub(crate) fn of(memory: &[u8]) -> Option<Self> {
+        let mut it = Self::default();
+        it.fill(memory);
+        (memory.len() == BYTES && it.is_kept()).then_some(it)
     }
-    let ends = at + ENDS as u32;
-    let [newest, oldest] = [memory.word(ends)?, memory.word(ends + 4)?];
-    let mut words = Vec::new();
-    if newest.wrapping_sub(*taken) > i32::MAX as u32 {
-        // It was cleared, as after a cut of power.
-        *taken = oldest;
+
+    /// Whether something is in it.
+    pub(crate) fn is_kept(&self) -> bool {
+        ring::is_kept(&self.memory)
     }
-    if newest.wrapping_sub(*taken) > newest.wrapping_sub(oldest) {
-        words.extend([head(LOST, 0, 1, 0), oldest.wrapping_sub(*taken)]);
-        *taken = oldest;
+
+    fn fill(&mut self, memory: &[u8]) {
+        for (word, bytes) in self.memory.iter_mut().zip(memory.as_chunks().0) {
+            *word = u32::from_le_bytes(*bytes);
+        }
     }
-    while *taken != newest {
-        words.push(memory.word(at + FIRST as u32 + 4 * (*taken % WORDS))?);
-        *taken = taken.wrapping_add(1);
+
+    /// The words that came since the last call; of all of its entries the first time.
+    pub(crate) fn news(&mut self) -> Vec<u32> {
+        let mut words = Vec::new();
+        self.reader.read(&self.memory, &mut |entry| words.extend(entry));
+        words
     }
-    Ok(words)
+
+    /// The same of another memory.
+    pub(crate) fn news_of(&mut self, memory: &[u8]) -> Vec<u32> {
+        self.fill(memory);
+        self.news()
+    }
+
+    /// A word of its head.
+    pub(crate) fn word(&self, at: usize) -> u32 {
+        self.memory[at]
+    }
 }
