@@ -144,6 +144,55 @@ fn the_emulated_chip_is_tuned_recorded_and_stopped_from_other_shells() {
     assert!(done && text.starts_with("stopped after ") && text.contains(&name), "{text}");
 }
 
+/// The emulated chip panics while it drives, and is asked after it has started again.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn what_a_crash_has_left_is_fetched_and_replayed() {
+    let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
+    let home = Home::new("reach-crash");
+    let elf = format!("{firmware}-black-box");
+    let (_live, page) = home.keep_of(&["--emu", &elf, "--fault", "panic@1.7s"]);
+    until("restarted", || shown(page, "signals", "arm", "value") >= 0.0);
+    let file = home.0.join("crash.bin").display().to_string();
+    let mut text = String::new();
+    until("held", || {
+        let _ = fs::remove_file(&file);
+        let (done, said) = home.run(&["blackbox", "--port", "emu", "--output", &file]);
+        assert!(done, "{said}");
+        text = said;
+        text.contains("\na panic ended it\nthe robot keeps it until it is armed 2 times more\n")
+    });
+    assert!(text.contains(&format!("next: rc10 replay {file}\n")), "{text}");
+    assert_eq!(fs::metadata(&file).unwrap().len(), 327_456);
+    let (done, replayed) = home.run(&["replay", &file]);
+    println!("{text}{replayed}");
+    assert!(done && replayed.starts_with("equal: "), "{replayed}");
+    // It starts some ms after power-on, and has recorded up to the last half of a tick.
+    let last = replayed.split_once(" s to ").unwrap().1.split(' ').next().unwrap();
+    let last: f64 = last.parse().unwrap();
+    assert!((1.690..1.7).contains(&last), "{last}");
+    let (done, said) = home.run(&["blackbox", "--port", "emu", "--output", &file]);
+    assert!(!done && said.contains("is there: --force writes over it"), "{said}");
+
+    // Of another program it is told at once, and nothing panics.
+    let mut other = fs::read(&file).unwrap();
+    other[8] ^= 1;
+    fs::write(&file, other).unwrap();
+    let (done, said) = home.run(&["replay", &file]);
+    assert!(!done && said.contains("it is of another program"), "{said}");
+
+    // A program without one says so; so does the simulated robot.
+    for source in [&["--emu", &firmware][..], &["--sim"]] {
+        let home = Home::new(&format!("reach-none{}", source.len()));
+        let (_live, page) = home.keep_of(source);
+        until("whole", || state(page)["whole"] == true);
+        let none = home.0.join("none.bin");
+        let (done, said) = home.run(&["blackbox", "--output", &none.display().to_string()]);
+        assert!(!done && said.contains("its program has no black box: build it with"), "{said}");
+        assert!(!none.exists());
+    }
+}
+
 #[test]
 fn of_two_robots_the_one_that_is_named_is_reached() {
     let home = Home::new("reach-two");

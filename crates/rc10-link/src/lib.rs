@@ -32,5 +32,8 @@ pub const JOG_AGE: u64 = 150_000;
 /// Page size: [`Ask::Signals`] and [`Ask::Parameters`] get those up to the next multiple.
 pub const AT_ONCE: u16 = 8;
 
+/// Bytes of a piece of a black box.
+pub const PIECE: usize = 896;
+
 /// Longest period, ms, of the first group's samples on which all else rides: see [`frame::CARRIER`].
 pub const RIDES: u16 = 10;

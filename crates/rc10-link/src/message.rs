@@ -143,6 +143,9 @@ pub enum Action {
     WriteRegister(u8, u16, u32),
     /// A motor's device keeps its registers over a power-off. The same.
     SaveRegisters(u8),
+    // The black box.
+    /// Sends the chip's black box: some [`Tell::BlackBox`], from this one on. It is answered only if it is refused.
+    BlackBox(u16),
 }
 
 /// Some of a robot's signals.
@@ -305,6 +308,16 @@ pub enum Tell<'a> {
         parameter: Option<u16>,
         /// Whether unit and range are as they were: else it is not used.
         is_used: bool,
+    },
+    // The black box.
+    /// A piece of the chip's black box, as it lies in memory: [`PIECE`](crate::PIECE) bytes, the last one less.
+    BlackBox {
+        /// Its number.
+        index: u16,
+        /// How many there are.
+        of: u16,
+        /// The bytes.
+        bytes: &'a [u8],
     },
 }
 

@@ -29,6 +29,8 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 use heapless::Vec;
 use rc10_app::Rpm;
+#[cfg(feature = "black-box")]
+use rc10_link::PIECE;
 use rc10_link::frame::{AROUND, BODY, CARRIED, CARRIER_HEAD, FromPc, Writer};
 use rc10_link::samples::{HEAD, Head, VALUES};
 use rc10_link::{
@@ -80,6 +82,8 @@ pub struct RobotView<'r> {
     changes: &'r Changes,
     not_at_rest: &'r Latest<Option<Axis>, 1>,
     kept: Option<&'r Kept>,
+    #[cfg(feature = "black-box")]
+    black_box: Option<BlackBox>,
     kept_state: &'r Latest<KeptState, 1>,
     own: &'r dyn Live,
     declaration: Declaration,
@@ -108,6 +112,8 @@ impl<'r> RobotView<'r> {
             changes: &shared.changes,
             not_at_rest: &shared.not_at_rest,
             kept: None,
+            #[cfg(feature = "black-box")]
+            black_box: None,
             kept_state: &shared.kept_state,
             own,
             declaration: declaration(N::SLOTS, [N::BUSES.len(), N::LINES.into()], own),
@@ -120,10 +126,21 @@ impl<'r> RobotView<'r> {
         Self { kept: Some(kept), ..self }
     }
 
+    /// With a black box.
+    #[cfg(feature = "black-box")]
+    #[must_use]
+    pub fn with_black_box(self, black_box: BlackBox) -> Self {
+        Self { black_box: Some(black_box), ..self }
+    }
+
     fn motor(&self, number: usize) -> Option<MotorPort<'r>> {
         self.motors.get(number).copied()
     }
 }
+
+/// The memory of a black box: its length in bytes, and what copies some of them, from a word on.
+#[cfg(feature = "black-box")]
+pub type BlackBox = (usize, fn(usize, &mut [u8]) -> usize);
 
 /// Returns the identity of a robot, by which a PC tells it from others.
 fn declaration(slots: &[Slot], counts: [usize; 2], own: &dyn Live) -> Declaration {
@@ -161,6 +178,8 @@ struct State {
     signals: Cell<Range>,
     parameters: Cell<Range>,
     kept: Cell<Range>,
+    #[cfg(feature = "black-box")]
+    pieces: Cell<Range>,
     jobs: Channel<NoopRawMutex, (u16, Job), WAITING>,
     answers: Channel<NoopRawMutex, (u16, Answer), WAITING>,
     /// The newest jog: the time in it, and its number.
@@ -224,6 +243,8 @@ impl<W: Write> Link<W> {
             signals: Cell::new((0, 0)),
             parameters: Cell::new((0, 0)),
             kept: Cell::new((0, 0)),
+            #[cfg(feature = "black-box")]
+            pieces: Cell::new((0, 0)),
             jobs: Channel::new(),
             answers: Channel::new(),
             jogged: Cell::new((0, 0)),
@@ -310,6 +331,10 @@ impl State {
                 if declaration != robot.declaration =>
             {
                 self.answer(id, Answer::Refused(Refusal::ANOTHER));
+            }
+            #[cfg(feature = "black-box")]
+            Ask::Act { action: Action::BlackBox(first), .. } if robot.black_box.is_some() => {
+                self.pieces.set(page(first, pieces(robot)));
             }
             Ask::Set { id, changes, .. } => self.queue(id, Job::Set(changes)),
             Ask::Urge { id, what } => {
@@ -518,6 +543,13 @@ impl State {
                 kept::tell(index, robot, |tell| frame.message(tell));
                 return true;
             }
+            #[cfg(feature = "black-box")]
+            if let (Some(index), Some((_, copy))) = (pop(&self.pieces), robot.black_box) {
+                let mut bytes = [0; PIECE];
+                let count = copy(usize::from(index) * PIECE / 4, &mut bytes);
+                frame.message(&Tell::BlackBox { index, of: pieces(robot), bytes: &bytes[..count] });
+                return true;
+            }
             self.is_asked.set(false);
         }
         let mut groups = self.groups.borrow_mut();
@@ -618,6 +650,13 @@ fn jog(robot: &RobotView<'_>, motor: u8, tenths: i16) -> Result<Rpm, Refusal> {
         return refused("another motor turns");
     }
     Ok(speed)
+}
+
+/// Pieces of the black box.
+#[cfg(feature = "black-box")]
+fn pieces(robot: &RobotView<'_>) -> u16 {
+    let bytes = robot.black_box.map_or(0, |(bytes, _)| bytes);
+    bytes.div_ceil(PIECE).try_into().unwrap_or(u16::MAX)
 }
 
 /// Those that are told at once: then samples have their turn.

@@ -551,6 +551,11 @@ pub async fn console<N: Names>(
     #[expect(clippy::cast_possible_truncation, reason = "it is soon after the start")]
     QUIET.store(quiet.as_micros() as u32, Ordering::Relaxed);
     let (link, robot) = (Link::new(transmitter), live::RobotView::new(shared).with_kept(&kept));
+    #[cfg(feature = "black-box")]
+    let robot = {
+        use rc10_bsp::black_box::{RC10_BLACK_BOX, WORDS};
+        robot.with_black_box((4 * WORDS, |from, to| RC10_BLACK_BOX.copy(from, to)))
+    };
     join(link.serve(&robot, receiver, quiet), lines(shared, &link, quiet)).await;
 }
 

@@ -60,6 +60,7 @@ use crate::commands::report::{CsvArgs, ReportArgs, csv, report};
 use crate::commands::run::RunArgs;
 use crate::formats::dbc::DbcArgs;
 use crate::lang::Language;
+use crate::live::black_box::BlackBoxArgs;
 use crate::live::commands::{
     ForgetArgs, GetArgs, ParamsArgs, RecordArgs, SaveArgs, SetArgs, StopArgs,
 };
@@ -121,6 +122,9 @@ enum Command {
     Stop(StopArgs),
     /// Records the robot that runs
     Record(RecordArgs),
+    /// Fetches the seconds before a crash from the robot's black box, for rc10 replay
+    #[command(name = "blackbox")]
+    BlackBox(BlackBoxArgs),
     /// Estimates what a motor moves, and prints gains for it
     Tune(TuneArgs),
     /// Makes the report of a record, or of captures of the robot's buses
@@ -200,6 +204,7 @@ impl CommandLine {
             Command::Device(args) => live::device(&args, robot, out).map(|()| 0)?,
             Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
+            Command::BlackBox(args) => live::black_box(&args, robot, out).map(|()| 0)?,
             Command::Tune(args) => tune_motor(&args, robot, out).map(|()| 0)?,
             Command::Report(args) => strict(args.strict, report(&args, robot, out)?),
             Command::Replay(args) => strict(true, replay_record(&args, robot, out)?),

@@ -131,12 +131,15 @@ impl Progress {
     }
 
     pub(crate) fn tell(&mut self, now: Micros, end: Micros) {
+        self.tell_of(now.get() / 1_000_000, end.get() as f64 / 1e6, "s");
+    }
+
+    pub(crate) fn tell_of(&mut self, done: u64, all: f64, unit: &str) {
         if !TELLS.load(Ordering::Relaxed) || self.told.elapsed() < Self::OFTEN {
             return;
         }
-        let (done, all) = (now.get() / 1_000_000, end.get() as f64 / 1e6);
-        let percent = 100 * now.get() / end.get().max(1);
-        let _ = write!(io::stderr(), "\r{percent:3} %  {done} of {all} s");
+        let percent = (100.0 * done as f64 / all.max(1.0)) as u64;
+        let _ = write!(io::stderr(), "\r{percent:3} %  {done} of {all} {unit}");
         (self.told, self.is_shown) = (Instant::now(), true);
     }
 }

@@ -185,6 +185,8 @@ pub struct Client {
     signals: Table<Signal>,
     parameters: Table<Parameter>,
     kept: Table<KeptValue>,
+    /// Pieces of the black box, once it was asked for; and the number of the last question.
+    pieces: Option<(Table<Vec<u8>>, u16)>,
     changes: Option<u32>,
     groups: [Group; GROUPS],
     declaration: Declaration,
@@ -459,6 +461,27 @@ impl Client {
         {
             self.ask(&Ask::Kept { first });
         }
+        if let Some(first) = self.pieces.as_mut().and_then(|it| it.0.next(now)) {
+            let id = self.act(Action::BlackBox(first));
+            self.pieces.as_mut().iter_mut().for_each(|it| it.1 = id);
+        }
+    }
+
+    /// Asks for the chip's black box, or begins anew.
+    pub fn fetch_black_box(&mut self) {
+        // How many pieces there are comes with the first one.
+        let pieces = Table { rows: vec![None], ..Table::default() };
+        self.pieces = Some((pieces, self.next_id));
+    }
+
+    /// Pieces of the black box that have come, how many there are, and why it is refused.
+    pub fn black_box(&mut self) -> (&[Option<Vec<u8>>], usize, Option<String>) {
+        let Some((pieces, id)) = &self.pieces else { return (&[], 0, None) };
+        let refused = match self.answers.remove(id) {
+            Some(Answer::Refused(why)) => Some(why),
+            _ => None,
+        };
+        (&pieces.rows[..pieces.fresh], pieces.rows.len(), refused)
     }
 
     /// Asks for all parameters and kept values again.
@@ -567,6 +590,12 @@ impl Client {
                 self.kept.size(of);
                 self.kept
                     .put(index, KeptValue { id, text: text.into(), value, parameter, is_used });
+            }
+            Tell::BlackBox { index, of, bytes } => {
+                if let Some((pieces, _)) = &mut self.pieces {
+                    pieces.size(of.max(1));
+                    pieces.put(index, bytes.to_vec());
+                }
             }
             Tell::Answer { id, outcome } => {
                 let answer = match outcome {

@@ -10,6 +10,7 @@
 //! * [`Web`]: the page with its robot in the same browser.
 //! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
 
+pub(crate) mod black_box;
 pub(crate) mod broken;
 pub(crate) mod client;
 pub(crate) mod commands;
@@ -44,6 +45,7 @@ pub(crate) mod web;
 pub use crate::live::line::{RobotConnection, Source};
 pub use crate::live::source::{PlaceArgs, RunningArgs, SourceArgs};
 pub use crate::world::console::BAUD;
+pub use black_box::{BlackBoxArgs, black_box};
 pub use client::{
     Answer, Client, KeptValue, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency, frame,
 };

@@ -5,7 +5,7 @@ pub mod command;
 mod curves;
 mod difference;
 mod engine;
-mod entries;
+pub(crate) mod entries;
 mod inputs;
 
 use anyhow::Result;

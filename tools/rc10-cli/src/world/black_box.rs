@@ -31,6 +31,19 @@ impl BlackBox {
         (memory.len() == BYTES && it.is_kept()).then_some(it)
     }
 
+    /// Takes a copy, at the end of which the memory began like this; what was overwritten meanwhile is taken out of it.
+    /// Returns how many blocks that are.
+    pub(crate) fn copied(&mut self, copy: &mut [u8], end: &[u8]) -> usize {
+        self.fill(end);
+        let newest = self.memory[ring::NEWEST];
+        self.fill(copy);
+        let gone = ring::trim(&mut self.memory, newest);
+        for (bytes, word) in copy.as_chunks_mut::<4>().0.iter_mut().zip(&*self.memory) {
+            *bytes = word.to_le_bytes();
+        }
+        gone
+    }
+
     /// Whether something is in it.
     pub(crate) fn is_kept(&self) -> bool {
         ring::is_kept(&self.memory)
