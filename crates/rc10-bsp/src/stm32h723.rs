@@ -11,7 +11,7 @@
 //! * [`flash`]: the two sectors for what is kept.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
-//! * `black_box`: a ring that stays over a reset, with the feature `black-box`.
+//! * `black_box`: memory that stays over a reset, with the feature `black-box`.
 //! * [`crash`]: after a panic or fault motors are made safe, the cause is kept, the chip restarts.
 #![expect(unsafe_code, reason = "registers, vectors and retained memory")]
 

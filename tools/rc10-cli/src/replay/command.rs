@@ -13,7 +13,6 @@ use rc10_tasks::live::request_to_set;
 use rc10_time::Micros;
 
 use super::curves::{Efforts, page, table};
-use super::difference::Difference;
 use super::engine::{Engine, Told};
 use super::inputs::Inputs;
 use crate::args::{seconds as whole_seconds, seed};
@@ -105,13 +104,10 @@ pub fn replay(args: &ReplayArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let difference = difference.with_context(named)?;
     let (told, spoken) = (engine.told, Language::spoken());
     ensure!(told.ticks > 0, "{}: no tick is in it", named());
-    if let Some(Difference { at, .. }) = difference.as_ref().filter(|_| told.lost > 0) {
-        tell(format_args!(
-            "{}: {} words are missing in it, before {} s",
-            named(),
-            told.lost,
-            seconds(*at)
-        ));
+    if told.lost > 0 {
+        let before = difference.as_ref().map(|it| format!(", before {} s", seconds(it.at)));
+        let before = before.unwrap_or_default();
+        tell(format_args!("{}: {} words are missing in it{before}", named(), told.lost));
     }
     let (head, differs) = match difference {
         None if !is_open => {
