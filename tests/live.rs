@@ -185,7 +185,7 @@ fn two_pcs_that_set_at_once_come_one_after_the_other_and_both_are_told() {
     let (port, seen) = (second.port(), live::RobotView::new(&shared));
     tasks.add(async move {
         let link = live::Link::new(port.clone());
-        link.serve(&seen, port, embassy_time::Instant::from_ticks(0)).await;
+        link.serve(&seen, port, embassy_time::Instant::from_ticks(0), ()).await;
     });
     let mut scene = Scene { around, tasks, client: Client::new() };
     let mut other = Client::new();

@@ -19,7 +19,7 @@ use rc10_motor::embassy::{BusPort, PortsOf, Rs485Port};
 use rc10_motor::{ArmError, ArmState, Device, Entry, Names, Slot, Unfit};
 use rc10_sim::{Random, Tasks, UartFault, World};
 use rc10_tasks::embedded_io_async::{ErrorType, Read, Write};
-use rc10_tasks::live::{Kept, Link, Live, Parameter, RobotView, Signal};
+use rc10_tasks::live::{Commanded, Kept, Link, Live, Parameter, RobotView, Signal};
 use rc10_tasks::{Common, status};
 use rc10_time::Micros;
 use team::table::Name;
@@ -51,6 +51,7 @@ impl Names for NoMotor {
 struct Own(Vec<Parameter>);
 
 impl Live for Own {
+    fn auto(&self) -> impl Commanded {}
     fn signals<'l>(&'l self, _: &mut dyn FnMut(&'l Signal)) {}
     fn parameters<'l>(&'l self, see: &mut dyn FnMut(&'l Parameter)) {
         self.0.iter().for_each(see);
@@ -163,7 +164,7 @@ fn boot(
         let link = Link::new(heard.clone());
         let said = Said(ask.iter().flatten().flat_map(frame).collect());
         let until = world.now() + Micros::from_millis(60);
-        let _ = world.run(pin!(link.serve(&view, said, Instant::from_ticks(0))), until);
+        let _ = world.run(pin!(link.serve(&view, said, Instant::from_ticks(0), ())), until);
         let mut bodies = Vec::new();
         Stream::new(FromRobot).receive(&heard.0.borrow(), until, |body| bodies.push(body));
         bodies

@@ -432,7 +432,7 @@ fn a_jog_that_waited_behind_a_slow_request_turns_nothing() {
     let (port, seen) = (line.port(), live::RobotView::new(&shared));
     tasks.add(async move {
         let link = live::Link::new(port.clone());
-        link.serve(&seen, port, embassy_time::Instant::from_ticks(0)).await;
+        link.serve(&seen, port, embassy_time::Instant::from_ticks(0), ()).await;
     });
     let mut scene = Scene { around, tasks, client: Client::new() };
     scene.run(1500);

@@ -25,6 +25,7 @@ use heapless::Vec;
 use rc10_module::{Found, Protocol};
 use serde::Serialize;
 
+use crate::commands::COMMAND;
 use crate::message::Ask;
 use crate::samples;
 
@@ -131,6 +132,17 @@ impl<const N: usize> Writer<N> {
         }
     }
 
+    /// Makes a whole frame of a body, such as a [command](crate::commands). Without room for it there is no frame.
+    pub fn body(&mut self, body: &[u8]) {
+        match self.bytes[HEAD..N - TAIL].get_mut(..body.len()) {
+            Some(place) => {
+                place.copy_from_slice(body);
+                self.end(body.len());
+            }
+            None => self.length = 0,
+        }
+    }
+
     fn end(&mut self, body: usize) {
         let sum = crc(&self.bytes[HEAD..HEAD + body]);
         self.bytes[HEAD + body..][..TAIL].copy_from_slice(&sum.to_le_bytes());
@@ -184,6 +196,41 @@ impl Protocol for FromPc {
         examine(bytes, ASK, |whole, body| match postcard::take_from_bytes(body) {
             Ok((ask, _)) => Found::Frame(whole, ask),
             Err(_) => Found::Other(whole),
+        })
+    }
+}
+
+/// What a robot hears that takes [commands](crate::commands).
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "without a heap there is no other place for it")]
+pub enum Said {
+    /// What a PC asks.
+    Ask(Ask),
+    /// The body of a command, sound or not.
+    Command(Vec<u8, ASK>),
+}
+
+/// The protocol that such a robot hears.
+#[derive(Debug)]
+pub struct WithCommands;
+
+impl Protocol for WithCommands {
+    type Message = Said;
+    type Buffer = Vec<u8, { ASK + AROUND }>;
+
+    fn examine(&self, bytes: &[u8]) -> Found<Said> {
+        if bytes.get(HEAD).is_none_or(|first| *first != COMMAND) {
+            return match FromPc.examine(bytes) {
+                Found::Frame(whole, ask) => Found::Frame(whole, Said::Ask(ask)),
+                Found::More(needed) => Found::More(needed),
+                Found::Nothing => Found::Nothing,
+                Found::Damaged => Found::Damaged,
+                Found::Other(whole) => Found::Other(whole),
+            };
+        }
+        examine(bytes, ASK, |whole, body| {
+            Vec::from_slice(body)
+                .map_or(Found::Other(whole), |it| Found::Frame(whole, Said::Command(it)))
         })
     }
 }

@@ -1,7 +1,8 @@
 //! The messages that a robot and a PC exchange over a serial line, and the frames around them.
 //!
 //! * [`Ask`] of a PC and [`Tell`] of a robot are [postcard](https://postcard.jamesmunns.com)
-//!   messages: a new one is one line. [samples] are raw words: they are many.
+//!   messages: a new one is one line. [samples] are raw words: they are many; [commands], too: a robot that takes
+//!   none has nothing of them.
 //! * [`frame`]: how a message becomes bytes, and how it is found in a stream that also has other bytes.
 //!
 //! **The robot describes itself**: [`Tell::Signal`] and [`Tell::Parameter`], with units and ranges.
@@ -12,6 +13,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod commands;
 pub mod frame;
 mod message;
 pub mod samples;

@@ -12,6 +12,7 @@
 //! **A PC never arms the robot.** It may stop and disarm the robot, and change what a
 //! [`Parameter`] allows. A parameter has its value until power-off, or longer if it is [`Kept`].
 
+mod auto;
 mod kept;
 mod own;
 mod parameters;
@@ -31,7 +32,7 @@ use heapless::Vec;
 use rc10_app::Rpm;
 #[cfg(feature = "black-box")]
 use rc10_link::PIECE;
-use rc10_link::frame::{AROUND, BODY, CARRIED, CARRIER_HEAD, FromPc, Writer};
+use rc10_link::frame::{AROUND, BODY, CARRIED, CARRIER_HEAD, Writer};
 use rc10_link::samples::{HEAD, Head, VALUES};
 use rc10_link::{
     AT_ONCE, Action, Ask, Bits, Declaration, GROUPS, JOG_AGE, Outcome, RIDES, SIGNALS, SILENCE,
@@ -46,6 +47,7 @@ use rc10_motor::{ArmState, ArmSwitch, Names, Request, RequestError, Response, Sl
 use crate::arming::Axis;
 use crate::common::{Changes, Common};
 
+pub use auto::{Auto, AutoChannel, Commanded, LOST};
 use kept::Order;
 pub use kept::{Kept, KeptState};
 pub use own::{Contact, Live, Mechanism, Parameter, Signal};
@@ -266,8 +268,14 @@ impl<W: Write> Link<W> {
     }
 
     /// Serves the PC, for ever. Samples are taken on whole multiples of their period after `grid`: half
-    /// way between two ticks of the buses none of these is delayed.
-    pub async fn serve(&self, robot: &RobotView<'_>, reader: impl Read, grid: Instant) {
+    /// way between two ticks of the buses none of these is delayed. `auto` takes the PC's commands: `()` takes none.
+    pub async fn serve<A: Commanded>(
+        &self,
+        robot: &RobotView<'_>,
+        reader: impl Read,
+        grid: Instant,
+        auto: A,
+    ) {
         let Self { state, .. } = self;
         let send = async {
             let mut out = Out { frame: Frame::new(), sent: 0, carrier: Writer::new() };
@@ -278,8 +286,13 @@ impl<W: Write> Link<W> {
                 }
             }
         };
-        let hear = |ask, _| state.hear(ask, robot, grid);
-        join3(listen(reader, FromPc, &state.reception, hear), state.work(robot, grid), send).await;
+        let hear = |said, _| match auto.sort(said, robot) {
+            Ok(ask) => state.hear(ask, robot, grid),
+            Err(Some((id, why))) if state.is_up() => state.refuse(id, why),
+            Err(_) => {}
+        };
+        join3(listen(reader, A::PROTOCOL, &state.reception, hear), state.work(robot, grid), send)
+            .await;
     }
 
     async fn put(&self, bytes: &[u8]) {
@@ -438,6 +451,11 @@ impl State {
         if self.jobs.try_send((id, job)).is_err() {
             self.answer(id, Answer::Refused(Refusal::BUSY));
         }
+    }
+
+    fn refuse(&self, id: u16, why: &'static str) {
+        self.answer(id, Answer::Refused(Refusal::because(None, why)));
+        self.wake.signal(());
     }
 
     fn answer(&self, id: u16, answer: Answer) {
@@ -683,6 +701,7 @@ mod tests {
     struct Own(Option<Signal>, Option<Parameter>);
 
     impl Live for Own {
+        fn auto(&self) -> impl Commanded {}
         fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l Signal)) {
             self.0.iter().for_each(see);
         }

@@ -15,8 +15,13 @@ pub mod task;
 pub use table::{Motors, Name, Ports, Robot, Shared};
 
 rc10::live! {
-    /// Where it is by its wheels: signals for a PC.
+    /// Where it is by its wheels: signals for a PC. And what a PC may command: its twist.
     pub struct Own {
+        auto {
+            "vx", "m/s", table::BASE.full_stick.vx;
+            "vy", "m/s", table::BASE.full_stick.vy;
+            "wz", "rad/s", table::BASE.full_stick.wz;
+        }
         signals {
             x: "odometry x", "m";
             y: "odometry y", "m";

@@ -2,7 +2,7 @@
 //!
 //! | control | the robot |
 //! |---|---|
-//! | right switch | down: disarmed; else armed |
+//! | right switch | down: disarmed; middle: armed, by hand; up: armed, a PC moves the base ([auto](rc10::live::Auto)) |
 //! | left switch | down: emergency stop |
 //! | left stick | moves the base |
 //! | right stick | to the side: turns it |
@@ -34,7 +34,8 @@ impl Program for Robot {
                 hold.release();
                 continue;
             };
-            let mut wish = BASE.sticks(&remote);
+            let auto = shared.own.auto.twist(remote.right_switch == Switch::Up);
+            let mut wish = auto.unwrap_or_else(|| BASE.sticks(&remote));
             let heading = odometry.pose().heading;
             wish.wz = hold.update(&HEADING_HOLD, wish.wz, heading, motion.twist.wz);
             base.drive(shared, wish, dt);

@@ -556,7 +556,7 @@ pub async fn console<N: Names>(
         use rc10_bsp::black_box::{RC10_BLACK_BOX, WORDS};
         robot.with_black_box((4 * WORDS, |from, to| RC10_BLACK_BOX.copy(from, to)))
     };
-    join(link.serve(&robot, receiver, quiet), lines(shared, &link, quiet)).await;
+    join(link.serve(&robot, receiver, quiet, shared.own.auto()), lines(shared, &link, quiet)).await;
 }
 
 async fn lines<N: Names>(

@@ -2,6 +2,8 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use rc10_app::mechanism::Stage;
 
+use super::Commanded;
+
 /// A value of a robot's own that a PC may watch. Setting it is one store.
 #[derive(Debug)]
 pub struct Signal {
@@ -19,6 +21,21 @@ impl Signal {
     #[must_use]
     pub const fn new(label: &'static str, unit: &'static str) -> Self {
         Self { label, unit, states: "", value: AtomicU32::new(f32::NAN.to_bits()) }
+    }
+
+    /// A state, by the names of its values from 0 on.
+    pub(super) const fn state(label: &'static str, states: &'static str) -> Self {
+        Self { states, ..Self::new(label, "") }
+    }
+
+    /// One that counts.
+    pub(super) const fn counter(label: &'static str, unit: &'static str) -> Self {
+        Self { value: AtomicU32::new(0), ..Self::new(label, unit) }
+    }
+
+    /// Counts one more, of one that [counts](Self::counter).
+    pub(super) fn count(&self) {
+        self.set(self.get() + 1.0);
     }
 
     /// Gives it a value; NaN takes it away.
@@ -171,6 +188,10 @@ impl Parameter {
 
 /// The signals and parameters of a robot's own: [`live!`](crate::live!) makes them. `()` has none.
 pub trait Live {
+    /// What a PC may command: an [`Auto`](super::Auto), or `()`, nothing.
+    fn auto(&self) -> impl Commanded
+    where
+        Self: Sized;
     /// Shows each signal, always in the same order.
     fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l Signal));
     /// Shows each parameter. The same.
@@ -178,6 +199,7 @@ pub trait Live {
 }
 
 impl Live for () {
+    fn auto(&self) -> impl Commanded {}
     fn signals<'l>(&'l self, _: &mut dyn FnMut(&'l Signal)) {}
     fn parameters<'l>(&'l self, _: &mut dyn FnMut(&'l Parameter)) {}
 }
@@ -208,6 +230,11 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 /// rc10_tasks::live! {
 ///     /// What can be watched and tuned.
 ///     pub struct Own {
+///         auto {
+///             "vx", "m/s", 1.5; // what a PC may command, and at most
+///             "vy", "m/s", 1.5;
+///             "wz", "rad/s", 4.0;
+///         }
 ///         mechanisms {
 ///             arm: "arm"; // its stage
 ///         }
@@ -239,6 +266,7 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 macro_rules! live {
     (
         $(#[$meta:meta])* $vis:vis struct $Name:ident {
+            $(auto { $($channel:literal, $channel_unit:literal, $most:expr;)+ })?
             $(mechanisms { $($mechanism:ident: $mechanism_label:literal;)* })?
             $(contacts { $($contact:ident: $contact_label:literal;)* })?
             $(signals { $($signal:ident: $signal_label:literal, $signal_unit:literal;)* })?
@@ -248,6 +276,10 @@ macro_rules! live {
     ) => {
         $(#[$meta])*
         $vis struct $Name {
+            $(
+                /// What a PC may command.
+                pub auto: $crate::live::Auto<{ [$($channel),+].len() }>,
+            )?
             $($(#[doc = $mechanism_label] pub $mechanism: $crate::live::Mechanism,)*)?
             $($(#[doc = $contact_label] pub $contact: $crate::live::Contact,)*)?
             $($(#[doc = $signal_label] pub $signal: $crate::live::Signal,)*)?
@@ -260,6 +292,9 @@ macro_rules! live {
             #[inline(always)]
             fn default() -> Self {
                 Self {
+                    $(auto: const { $crate::live::Auto::new([$($crate::live::AutoChannel::new(
+                        concat!("auto ", $channel), $channel_unit, $most,
+                    )),+]) },)?
                     $($($mechanism: $crate::live::Mechanism::new($mechanism_label),)*)?
                     $($($contact: $crate::live::Contact::new($contact_label),)*)?
                     $($($signal: $crate::live::Signal::new($signal_label, $signal_unit),)*)?
@@ -270,7 +305,11 @@ macro_rules! live {
         }
 
         impl $crate::live::Live for $Name {
+            fn auto(&self) -> impl $crate::live::Commanded {
+                $crate::or_unit_value!($(&self.auto, $($channel),+)?)
+            }
             fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l $crate::live::Signal)) {
+                $crate::or_unit_value!($(self.auto.signals(see), $($channel),+)?);
                 $($(see(self.$mechanism.signal());)*)?
                 $($(see(self.$contact.signal());)*)?
                 $($(see(&self.$signal);)*)?
@@ -281,5 +320,17 @@ macro_rules! live {
                 let _ = see;
             }
         }
+    };
+}
+
+/// A value before the channels that there are, or `()`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! or_unit_value {
+    () => {
+        ()
+    };
+    ($value:expr, $($channel:literal),+) => {
+        $value
     };
 }

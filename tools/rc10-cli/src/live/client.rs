@@ -1,7 +1,8 @@
 //! The PC's end of a link, without the port: bytes in, bytes out, and the time as an argument.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
+use rc10_link::commands;
 use rc10_link::frame::{AROUND, ASK, FromRobot, Writer, carried};
 use rc10_link::samples::{Head, VALUES};
 use rc10_link::{
@@ -192,6 +193,9 @@ pub struct Client {
     declaration: Declaration,
     asked: BTreeSet<u16>,
     answers: BTreeMap<u16, Answer>,
+    /// Numbers of the newest commands, and why some were refused.
+    commanded: VecDeque<u16>,
+    refusals: Vec<String>,
     next_id: u16,
     samples: Vec<Sample>,
     losses: Losses,
@@ -257,6 +261,8 @@ const GREET: Micros = Micros::from_millis(100);
 const URGE: Micros = Micros::from_millis(20);
 /// Limit of requests that wait for an answer.
 const ASKED: usize = 256;
+/// The same of commands.
+const COMMANDED: usize = 256;
 /// Largest step back of the robot's time without a restart: a sample overtakes a greeting, which may ride on
 /// many of them.
 const LATE: Micros = Micros::from_millis(200);
@@ -387,6 +393,28 @@ impl Client {
         let heard = self.at.unwrap_or_default().get();
         self.ask(&Ask::Act { id, declaration, heard, action });
         id
+    }
+
+    /// Commands channels from `head.first` on, once, as who commands and counts in `head`, of this age. Only a
+    /// [refusal](Self::take_refusals) is answered.
+    pub fn command(&mut self, head: commands::Head, values: &[f32]) {
+        let id = self.next_id();
+        self.commanded.push_back(id);
+        if self.commanded.len() > COMMANDED {
+            self.commanded.pop_front();
+        }
+        let heard = self.at.unwrap_or_default().get();
+        let head = commands::Head { id, declaration: self.declaration, heard, ..head };
+        let values = values.iter().flat_map(|value| value.to_le_bytes());
+        let body: Vec<u8> = head.bytes().into_iter().chain(values).collect();
+        let mut frame = Writer::<{ ASK + AROUND }>::new();
+        frame.body(&body);
+        self.out.extend(frame.bytes());
+    }
+
+    /// Why commands were refused since the last call.
+    pub fn take_refusals(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.refusals)
     }
 
     /// Requests a stop or disarming of any robot, known or not: sent every 20 ms, before everything
@@ -607,6 +635,9 @@ impl Client {
                     _ => Answer::Refused("for a reason that this program does not know".into()),
                 };
                 self.urgent.retain(|it| it.id != id || answer != Answer::Done);
+                if let (true, Answer::Refused(why)) = (self.commanded.contains(&id), &answer) {
+                    self.refusals.push(why.clone());
+                }
                 // Other answers are for another program on the same line.
                 if self.asked.remove(&id) {
                     self.answers.insert(id, answer);
@@ -631,8 +662,13 @@ impl Client {
         text
     }
 
-    fn id(&mut self) -> u16 {
+    const fn next_id(&mut self) -> u16 {
         self.next_id = self.next_id.wrapping_add(1);
+        self.next_id
+    }
+
+    fn id(&mut self) -> u16 {
+        self.next_id();
         if self.asked.len() >= ASKED {
             self.asked.clear();
         }

@@ -9,7 +9,7 @@ use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 
 use anyhow::Result;
-use rc10_link::frame::{AROUND, BODY, FromPc, Writer};
+use rc10_link::frame::{AROUND, ASK, BODY, Said, WithCommands, Writer};
 use rc10_link::samples::{Head, VALUES};
 use rc10_link::{Ask, GROUPS, Tell};
 use rc10_module::Stream;
@@ -44,8 +44,8 @@ struct Program {
     number: u32,
     /// The connection of a shell, and how much of the key it has said.
     shell: Option<(TcpStream, usize)>,
-    asks: Stream<FromPc>,
-    heard: Vec<Ask>,
+    asks: Stream<WithCommands>,
+    heard: Vec<Said>,
     groups: [Watched; GROUPS],
     out: Vec<u8>,
 }
@@ -67,8 +67,9 @@ pub(super) struct Shared<'r> {
     /// The first keeps the robot running.
     programs: Vec<Program>,
     groups: [Sampled; GROUPS],
-    /// Numbers of questions, who asked, and its own number.
+    /// Numbers of questions, who asked, and its own number; and of commands, of which most are not answered.
     asked: VecDeque<(u16, u32, u16)>,
+    commanded: VecDeque<(u16, u32, u16)>,
     next_id: u16,
     heard: Frames,
 }
@@ -86,8 +87,14 @@ impl Source for Shared<'_> {
         let (piece, keys) = (PIECE / self.programs.len().max(1), &self.robot.keys);
         self.programs.retain_mut(|it| it.hear(out, self.now, keys, piece).is_some());
         for at in 0..self.programs.len() {
-            for ask in std::mem::take(&mut self.programs[at].heard) {
-                let ask = self.pass(at, ask);
+            for said in std::mem::take(&mut self.programs[at].heard) {
+                let ask = match said {
+                    Said::Ask(ask) => self.pass(at, ask),
+                    Said::Command(body) => {
+                        rest.extend(self.pass_command(at, body));
+                        continue;
+                    }
+                };
                 let to = if matches!(ask, Ask::Urge { .. }) { &mut first } else { &mut rest };
                 to.extend(frame(&ask));
             }
@@ -137,6 +144,7 @@ impl<'r> Shared<'r> {
             programs: vec![Program::new(0, None)],
             groups: Default::default(),
             asked: VecDeque::new(),
+            commanded: VecDeque::new(),
             next_id: 0,
             heard: Frames::default(),
         }
@@ -186,6 +194,22 @@ impl<'r> Shared<'r> {
         ask
     }
 
+    /// The frame of a command as the robot gets it.
+    fn pass_command(&mut self, at: usize, mut body: heapless::Vec<u8, ASK>) -> Vec<u8> {
+        let mut frame = Writer::<{ ASK + AROUND }>::new();
+        if let Some([_, _, id @ ..]) = body.first_chunk_mut::<4>() {
+            self.next_id = self.next_id.wrapping_add(1);
+            let asked = (self.next_id, self.programs[at].number, u16::from_le_bytes(*id));
+            self.commanded.push_back(asked);
+            *id = self.next_id.to_le_bytes();
+            if self.commanded.len() > ASKED {
+                self.commanded.pop_front();
+            }
+            frame.body(&body);
+        }
+        frame.bytes().to_vec()
+    }
+
     /// Hands a message of the robot on.
     fn tell(&mut self, body: &[u8]) {
         if let Some((head, words)) = Head::of(body) {
@@ -194,10 +218,9 @@ impl<'r> Shared<'r> {
         let Ok((mut tell, _)) = postcard::take_from_bytes::<Tell<'_>>(body) else { return };
         let mut only = None;
         if let Tell::Answer { id, .. } = &mut tell {
-            let place = self.asked.iter().position(|it| it.0 == *id);
-            let Some((_, program, own)) = place.and_then(|it| self.asked.remove(it)) else {
-                return;
-            };
+            let mut all = [&mut self.asked, &mut self.commanded].into_iter();
+            let asked = all.find_map(|of| of.remove(of.iter().position(|it| it.0 == *id)?));
+            let Some((_, program, own)) = asked else { return };
             (*id, only) = (own, Some(program));
         }
         let mut frame = Writer::<{ BODY + AROUND }>::new();
@@ -242,7 +265,7 @@ impl<'r> Shared<'r> {
 
 impl Program {
     fn new(number: u32, shell: Option<(TcpStream, usize)>) -> Self {
-        let (groups, asks) = (Default::default(), Stream::new(FromPc));
+        let (groups, asks) = (Default::default(), Stream::new(WithCommands));
         Self { number, shell, asks, heard: Vec::new(), groups, out: Vec::new() }
     }
 
@@ -306,6 +329,8 @@ mod tests {
     use std::cell::RefCell;
     use std::rc::Rc;
 
+    use rc10_link::commands;
+    use rc10_link::frame::FromPc;
     use rc10_link::{Declaration, Outcome, Urgent, VERSION};
 
     use super::super::client::{Answer, Client};

@@ -305,7 +305,7 @@ impl<'r> Robot<'r> {
             boxed(name, async move {
                 let robot = live::RobotView::new(shared).with_kept(&kept);
                 let link = Link::new(port.clone());
-                link.serve(&robot, port, Instant::from_ticks(0)).await;
+                link.serve(&robot, port, Instant::from_ticks(0), shared.own.auto()).await;
             })
         }));
         self
