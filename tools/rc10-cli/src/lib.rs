@@ -66,6 +66,7 @@ use crate::live::commands::{
 };
 use crate::live::device::DeviceArgs;
 use crate::live::page::LiveArgs;
+use crate::live::ros2::Ros2Args;
 use crate::live::web::Web;
 use crate::replay::command::{ReplayArgs, replay as replay_record};
 use crate::run::simulate::simulate;
@@ -120,6 +121,8 @@ enum Command {
     Device(DeviceArgs),
     /// Stops the robot that runs: sent until the robot says that it is stopped
     Stop(StopArgs),
+    /// Makes the robot that runs a node of ROS 2, over zenoh; needs a build with --features ros2
+    Ros2(Ros2Args),
     /// Records the robot that runs
     Record(RecordArgs),
     /// Fetches the seconds before a crash from the robot's black box, for rc10 replay
@@ -202,6 +205,7 @@ impl CommandLine {
             Command::Save(args) => live::save(&args, robot, out).map(|()| 0)?,
             Command::Forget(args) => live::forget(&args, robot, out).map(|()| 0)?,
             Command::Device(args) => live::device(&args, robot, out).map(|()| 0)?,
+            Command::Ros2(args) => live::ros2(&args, robot).map(|()| 0)?,
             Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
             Command::BlackBox(args) => live::black_box(&args, robot, out).map(|()| 0)?,

@@ -7,6 +7,7 @@
 //! * `drive`: a robot that runs on this PC, on real buses. `playback`: a record on the same page.
 //! * `hands`: pages that drive a simulated robot by its remote. `field`: where its base is.
 //!   `broken`: what goes wrong with it.
+//! * `ros2`: the robot as a ROS 2 node, over zenoh.
 //! * [`Web`]: the page with its robot in the same browser.
 //! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
 
@@ -34,6 +35,7 @@ pub(crate) mod port;
 pub(crate) mod reach;
 pub(crate) mod record;
 pub mod request;
+pub mod ros2;
 pub(crate) mod server;
 pub(crate) mod session;
 pub(crate) mod shared;
@@ -61,6 +63,7 @@ pub use page::{LiveArgs, live};
 pub use plan::{Line, Topic, plan, watch, watch_at};
 pub use rc10_link::{Action, Urgent};
 pub use record::LiveRecord;
+pub use ros2::{Ros2Args, ros2};
 pub use server::{PageRequest, Pages, Shown};
 pub use session::{Session, full_name};
 pub use table::table_lines;
