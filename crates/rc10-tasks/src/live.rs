@@ -286,10 +286,10 @@ impl<W: Write> Link<W> {
                 }
             }
         };
-        let hear = |said, _| match auto.sort(said, robot) {
-            Ok(ask) => state.hear(ask, robot, grid),
-            Err(Some((id, why))) if state.is_up() => state.refuse(id, why),
-            Err(_) => {}
+        // By these references: then it is no larger where there are no commands.
+        let (to, from) = (&robot, &grid);
+        let hear = move |said, _| {
+            auto.hear(said, to, |ask| state.hear(ask, to, *from), |id, why| state.refuse(id, why));
         };
         join3(listen(reader, A::PROTOCOL, &state.reception, hear), state.work(robot, grid), send)
             .await;
@@ -454,6 +454,9 @@ impl State {
     }
 
     fn refuse(&self, id: u16, why: &'static str) {
+        if !self.is_up() {
+            return;
+        }
         self.answer(id, Answer::Refused(Refusal::because(None, why)));
         self.wake.signal(());
     }

@@ -27,15 +27,14 @@ pub trait Commanded {
     /// The same.
     const PROTOCOL: Self::Protocol;
 
-    /// Takes a command; gives back a question.
-    ///
-    /// # Errors
-    /// Without a question; with the number of a command that is refused, and the reason.
-    fn sort(
+    /// Takes a command, or says by its number and a reason that it is refused; hands a question on.
+    fn hear(
         &self,
         said: <Self::Protocol as Protocol>::Message,
         robot: &RobotView<'_>,
-    ) -> Result<Ask, Option<(u16, &'static str)>>;
+        ask: impl FnOnce(Ask),
+        refuse: impl FnOnce(u16, &'static str),
+    );
 }
 
 impl Commanded for () {
@@ -43,8 +42,14 @@ impl Commanded for () {
     const PROTOCOL: FromPc = FromPc;
 
     #[inline]
-    fn sort(&self, ask: Ask, _: &RobotView<'_>) -> Result<Ask, Option<(u16, &'static str)>> {
-        Ok(ask)
+    fn hear(
+        &self,
+        said: Ask,
+        _: &RobotView<'_>,
+        ask: impl FnOnce(Ask),
+        _: impl FnOnce(u16, &'static str),
+    ) {
+        ask(said);
     }
 }
 
@@ -243,18 +248,26 @@ impl<const N: usize> Commanded for &Auto<N> {
     type Protocol = WithCommands;
     const PROTOCOL: WithCommands = WithCommands;
 
-    fn sort(&self, said: Said, robot: &RobotView<'_>) -> Result<Ask, Option<(u16, &'static str)>> {
-        match said {
-            Said::Ask(ask) => Ok(ask),
-            Said::Command(body) => {
-                let is_armed = robot.switch.state() == ArmState::Armed;
-                Err(self.known.lock(|cell| {
-                    let (mut known, now) = (cell.get(), rc10_message::now());
-                    let taken = self.take(&mut known, &body, robot.declaration, is_armed, now);
-                    cell.set(known);
-                    taken.err()
-                }))
-            }
+    fn hear(
+        &self,
+        said: Said,
+        robot: &RobotView<'_>,
+        ask: impl FnOnce(Ask),
+        refuse: impl FnOnce(u16, &'static str),
+    ) {
+        let body = match said {
+            Said::Ask(said) => return ask(said),
+            Said::Command(body) => body,
+        };
+        let is_armed = robot.switch.state() == ArmState::Armed;
+        let taken = self.known.lock(|cell| {
+            let (mut known, now) = (cell.get(), rc10_message::now());
+            let taken = self.take(&mut known, &body, robot.declaration, is_armed, now);
+            cell.set(known);
+            taken
+        });
+        if let Err((id, why)) = taken {
+            refuse(id, why);
         }
     }
 }

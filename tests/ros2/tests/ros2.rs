@@ -1,0 +1,10 @@
+//! `rc10 ros2` before ROS 2 nodes of two other makers, on the simulated and the emulated robot, and what is unplugged
+//! and restarted meanwhile.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "ros2/orders.rs"]
+mod orders;
+#[path = "ros2/scene.rs"]
+mod scene;
+#[path = "ros2/witnesses.rs"]
+mod witnesses;

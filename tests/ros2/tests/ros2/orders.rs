@@ -1,0 +1,1 @@
+//! Robot, bridge, router and node are unplugged and restarted in any order.
