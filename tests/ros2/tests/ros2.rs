@@ -2,6 +2,8 @@
 //! and restarted meanwhile.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "ros2/latency.rs"]
+mod latency;
 #[path = "ros2/orders.rs"]
 mod orders;
 #[path = "ros2/scene.rs"]

@@ -34,7 +34,6 @@ pub struct Look {
     pub speed: [f64; 2],
     /// How far the robot is behind the wall clock.
     pub lag: Duration,
-    pub now: Micros,
 }
 
 type Watch = Box<dyn FnMut(&mut dyn Running, &Look) + Send>;
@@ -99,7 +98,6 @@ impl World {
                         signals: robot.signals(until),
                         speed: twist.map_or([0.0; 2], |it| [it.x.hypot(it.y), it.yaw]),
                         lag: Instant::now().saturating_duration_since(due),
-                        now: until,
                     };
                     watch(&mut *robot, &look);
                     *inside.look.lock().unwrap() = look;
