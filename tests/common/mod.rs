@@ -3,6 +3,7 @@
 pub mod browser;
 pub mod made;
 pub mod mixed;
+pub mod python;
 pub mod scratch;
 pub mod served;
 

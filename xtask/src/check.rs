@@ -150,7 +150,7 @@ pub fn run(is_whole: bool) -> Result<()> {
     });
     report.step("lint", || {
         need_component("clippy")?;
-        cargo("clippy --workspace --exclude viewers --all-targets -- -D warnings")?;
+        cargo("clippy --workspace --exclude viewers --exclude ros2 --all-targets -- -D warnings")?;
         // Alone, without its feature `embassy`, as other firmware uses it.
         cargo("clippy --package rc10-motor -- -D warnings")?;
         if !is_whole {
@@ -158,6 +158,8 @@ pub fn run(is_whole: bool) -> Result<()> {
         }
         // With Foxglove's SDK, which a plain build does not have.
         cargo("clippy --package viewers --all-targets -- -D warnings")?;
+        // With zenoh, the same.
+        cargo("clippy --package ros2 --all-targets -- -D warnings")?;
         cargo(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings"))
     });
     report.rare("lint chip", || {
@@ -185,18 +187,21 @@ pub fn run(is_whole: bool) -> Result<()> {
         Ok(())
     });
     report.step("floors", || floors::run(None));
-    report.step("test", || cargo("test --workspace --exclude viewers"));
+    report.step("test", || cargo("test --workspace --exclude viewers --exclude ros2"));
     report.rare("golden", || {
         needed(golden::python(), "no numpy, scipy and ruckig here")?;
         golden::run(true)
     });
     report.rare("viewers", || cargo("test --package viewers -- --show-output"));
+    report.rare("ros2", || cargo("test --package ros2 -- --show-output"));
     report.rare("other PCs", compiles_for_other_pcs);
     report.step("robots", robots);
     report.rare("two wheels", two_wheels);
     report.rare("new robot", || new_robot(rustc().is_ok()));
     report.rare("package", package);
-    report.step("docs", || docs(&mut host("doc --workspace --exclude viewers --no-deps")));
+    report.step("docs", || {
+        docs(&mut host("doc --workspace --exclude viewers --exclude ros2 --no-deps"))
+    });
     let mut program = None;
     report.step("firmware", || {
         let rustc = rustc()?;
@@ -213,6 +218,11 @@ pub fn run(is_whole: bool) -> Result<()> {
     let program = || program.as_deref().ok_or_else(|| Skipped("no firmware".to_owned()));
     report.step("size", || size::run(program()?));
     report.step("emulate", || emulate::run(program()?, if is_whole { &[] } else { &DAILY }));
+    report.rare("ros2 on the chip", || {
+        build_with("swerve-firmware", None, rustc()?)?;
+        let mut test = host("test --package ros2 emulated -- --ignored --show-output");
+        run_command(test.env("RC10_FIRMWARE", program()?))
+    });
     report.rare("web", || {
         needed(browser(), "the page is not tested")?;
         web::check(rustc()?)

@@ -2,11 +2,17 @@
 //! and restarted meanwhile.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "ros2/joints.rs"]
+mod joints;
 #[path = "ros2/latency.rs"]
 mod latency;
 #[path = "ros2/orders.rs"]
 mod orders;
+#[path = "../../common/python.rs"]
+mod python;
 #[path = "ros2/scene.rs"]
 mod scene;
+#[path = "../../common/scratch.rs"]
+mod scratch;
 #[path = "ros2/witnesses.rs"]
 mod witnesses;

@@ -18,6 +18,8 @@ use hiroz_msgs::std_srvs::{TriggerRequest, TriggerResponse};
 use hiroz_msgs::tf2_msgs::TFMessage;
 use rc10_cli::Simulated as _;
 
+use crate::python::{python, script};
+
 use super::scene::{AUTO, Make, Router, World, emulated, simulated, until};
 
 const LONG: Duration = Duration::from_secs(20);
@@ -155,16 +157,12 @@ fn imu_and_battery_are_told_where_the_robot_has_them() {
 
 /// A node in Python by other authors: what it hears in 6 s, and that it drives.
 fn python_reads_and_commands(make: Make) {
-    let Some(python) = std::env::var_os("RC10_PYTHON") else {
-        println!("SKIPPED: RC10_PYTHON names no interpreter with zenoh-ros2-sdk and rosbags");
-        return;
-    };
+    let Some(python) = python() else { return };
     let (router, world) = (Router::new(), World::quiet(make));
     let bridge = world.bridge(&router.args(), &swerve::Robot::description());
-    let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/ros2.py");
     let fastest = Arc::new(Mutex::new(0.0_f64));
     let mut child = Command::new(python)
-        .arg(script)
+        .arg(script("ros2.py"))
         .args([router.port.to_string(), env!("CARGO_TARGET_TMPDIR").to_owned()])
         .stdout(std::process::Stdio::piped())
         .spawn()
