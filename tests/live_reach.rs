@@ -152,7 +152,7 @@ fn what_a_crash_has_left_is_fetched_and_replayed() {
     let home = Home::new("reach-crash");
     let elf = format!("{firmware}-black-box");
     let (_live, page) = home.keep_of(&["--emu", &elf, "--fault", "panic@1.7s"]);
-    until("restarted", || shown(page, "signals", "arm", "value") >= 0.0);
+    until("whole", || state(page)["whole"] == true);
     let file = home.0.join("crash.bin").display().to_string();
     let mut text = String::new();
     until("held", || {
