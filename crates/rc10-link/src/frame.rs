@@ -202,7 +202,6 @@ impl Protocol for FromPc {
 
 /// What a robot hears that takes [commands](crate::commands).
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "without a heap there is no other place for it")]
 pub enum Said {
     /// What a PC asks.
     Ask(Ask),

@@ -273,6 +273,7 @@ impl<const N: usize> Commanded for &Auto<N> {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "it compares what was told")]
 mod tests {
     extern crate std;
 

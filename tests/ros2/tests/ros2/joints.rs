@@ -78,7 +78,7 @@ fn a_joint_is_commanded_by_its_name_in_its_unit() {
     // Beyond its 60 rpm.
     until("it is limited", limit, || {
         give("turret", &[30.0]);
-        (*speed.lock().unwrap() - 6.283).abs() < 0.2
+        (*speed.lock().unwrap() - std::f64::consts::TAU).abs() < 0.2
     });
     // The switch takes back at once.
     world.hold(BY_HAND);

@@ -3,6 +3,7 @@
 //! * `bridge`: between the link and the node, for ever. `told`: what the robot tells, as messages.
 //! * `node`: the node's publishers. `given`: commands, services and parameters.
 
+mod args;
 #[cfg(feature = "ros2")]
 mod bridge;
 #[cfg(feature = "ros2")]
@@ -15,6 +16,7 @@ mod told;
 use anyhow::Result;
 use clap::Args;
 
+pub use self::args::NodeArgs;
 #[cfg(feature = "ros2")]
 pub use self::bridge::Bridge;
 use super::source::SourceArgs;
@@ -27,23 +29,6 @@ pub struct Ros2Args {
     pub(crate) at: SourceArgs,
     #[command(flatten)]
     pub(crate) node: NodeArgs,
-}
-
-/// The node of a robot.
-#[derive(Args, Clone, Debug, Default)]
-pub struct NodeArgs {
-    /// Router of zenoh: zenohd or rmw_zenohd, which must run there
-    #[arg(long, value_name = "LOCATOR", default_value = "tcp/localhost:7447")]
-    pub router: String,
-    /// Namespace of topics, services and frames: one for each of two robots in a room
-    #[arg(long, value_name = "NAME", default_value = "")]
-    pub namespace: String,
-    /// Domain [default: ROS_DOMAIN_ID, or 0]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=232))]
-    pub domain: Option<u32>,
-    /// Messages a second of joints, odometry and IMU
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=100))]
-    pub rate: u32,
 }
 
 /// Makes the robot a node of ROS 2, until Ctrl-C.

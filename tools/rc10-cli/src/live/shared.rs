@@ -330,7 +330,6 @@ mod tests {
     use std::rc::Rc;
 
     use rc10_link::commands;
-    use rc10_link::frame::FromPc;
     use rc10_link::{Declaration, Outcome, Urgent, VERSION};
 
     use super::super::client::{Answer, Client};
@@ -338,7 +337,7 @@ mod tests {
 
     /// A line whose robot says what a test wants, and keeps what it is asked.
     #[derive(Clone, Default)]
-    struct Line(Rc<RefCell<(Vec<Ask>, Vec<u8>)>>);
+    struct Line(Rc<RefCell<(Vec<Ask>, Vec<u8>, Vec<commands::Head>)>>);
 
     impl Line {
         fn say(&self, write: impl FnOnce(&mut Writer<{ BODY + AROUND }>)) {
@@ -365,9 +364,12 @@ mod tests {
     impl Source for Line {
         fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
             let mut inside = self.0.borrow_mut();
-            let (asks, said) = &mut *inside;
+            let (asks, said, given) = &mut *inside;
             if !out.is_empty() {
-                Stream::new(FromPc).receive(out, Micros::ZERO, |ask| asks.push(ask));
+                Stream::new(WithCommands).receive(out, Micros::ZERO, |said| match said {
+                    Said::Ask(ask) => asks.push(ask),
+                    Said::Command(body) => given.push(commands::Head::of(&body).unwrap().0),
+                });
             }
             Ok((std::mem::take(said), Micros::ZERO))
         }
@@ -615,5 +617,22 @@ mod tests {
         let more = scene.connect(&[b'k'; 32]);
         scene.until(|_| read(&more, &mut [0; 8]).is_none());
         assert_eq!(scene.shared.programs.len(), 1 + 1 + shells.len());
+    }
+
+    #[test]
+    fn a_command_of_a_shell_reaches_the_robot_and_its_refusal_that_shell() {
+        let mut scene = Scene::new();
+        let (mut one, other) = (scene.shell(), scene.shell());
+        let (mut client, head) = (Client::with_first_id(40), commands::Head::default());
+        client.command(commands::Head { first: 1, who: 5, count: 9, ..head }, &[0.5, 1.5]);
+        one.write_all(&client.take_out()).unwrap();
+        scene.until(|scene| !scene.line.0.borrow().2.is_empty());
+        let given = scene.line.0.borrow().2[0];
+        assert_eq!((given.first, given.who, given.count), (1, 5, 9));
+        let outcome = Outcome::Refused { parameter: None, why: "too late", detail: "" };
+        scene.line.say(|frame| frame.message(&Tell::Answer { id: given.id, outcome }));
+        scene.hear(&one, &mut client);
+        assert_eq!(client.take_refusals(), ["too late"]);
+        assert_eq!(read(&other, &mut [0; 64]), Some(0));
     }
 }

@@ -11,7 +11,7 @@ use hiroz_msgs::diagnostic_msgs::{DiagnosticStatus, KeyValue};
 use rc10_link::Declaration;
 use zenoh::Wait as _;
 
-use super::NodeArgs;
+use super::args::NodeArgs;
 use super::given::{Given, refresh};
 use super::node::{Outbox, context, sound};
 use super::told::{INFO, Told, WARNING};

@@ -42,8 +42,11 @@ enum Deed {
     Act(Action),
 }
 
+/// A result, or why there is none.
+type Told<T> = std::result::Result<T, String>;
+
 /// A change of parameters that a node wants, and where its answer goes.
-type Wish = (Vec<(String, f32)>, SyncSender<std::result::Result<(), String>>);
+type Wish = (Vec<(String, f32)>, SyncSender<Told<()>>);
 
 /// All that nodes give to a robot.
 pub struct Given {
@@ -54,7 +57,7 @@ pub struct Given {
     services: Vec<(ZServer<Trigger, Query>, Deed)>,
     waiting: Vec<(u16, Instant, ServiceRequest<Trigger>)>,
     wishes: Receiver<Wish>,
-    wished: Vec<(u16, Instant, SyncSender<std::result::Result<(), String>>)>,
+    wished: Vec<(u16, Instant, SyncSender<Told<()>>)>,
     /// Differs after a restart of this program.
     salt: RandomState,
     /// Commands that were refused, by the reason.
@@ -208,7 +211,7 @@ impl Given {
     }
 
     /// Who commands, which one it is, and how old.
-    fn head(&self, sample: &Sample) -> std::result::Result<Head, String> {
+    fn head(&self, sample: &Sample) -> Told<Head> {
         let attachment = sample.attachment().and_then(|it| Attachment::try_from(it).ok());
         let attachment =
             attachment.ok_or("it says not who sent it, and when (rmw_zenoh's attachment)")?;
@@ -226,11 +229,7 @@ impl Given {
     }
 
     /// The channels that joints are, each with its value.
-    fn channels_of(
-        &self,
-        head: Head,
-        joints: &JointState,
-    ) -> std::result::Result<Vec<(Head, Vec<f32>)>, String> {
+    fn channels_of(&self, head: Head, joints: &JointState) -> Told<Vec<(Head, Vec<f32>)>> {
         let one = |(at, name): (usize, &String)| {
             let channel = self.channels.iter().find(|it| it.0 == *name);
             let (_, unit, first) =
@@ -251,7 +250,7 @@ impl Given {
     }
 }
 
-fn decoded<T: ZMessage>(sample: &Sample) -> std::result::Result<T, String>
+fn decoded<T: ZMessage>(sample: &Sample) -> Told<T>
 where
     T::Serdes: for<'a> hiroz::msg::ZDeserializer<Output = T, Input<'a> = &'a [u8]>,
 {
@@ -260,7 +259,7 @@ where
 }
 
 /// The answer of the robot to a request; `None` as long as it may come.
-fn answer(client: &mut Client, id: u16, since: Instant) -> Option<std::result::Result<(), String>> {
+fn answer(client: &mut Client, id: u16, since: Instant) -> Option<Told<()>> {
     match client.answer(id) {
         Some(Answer::Refused(why)) => Some(Err(why)),
         Some(_) => Some(Ok(())),

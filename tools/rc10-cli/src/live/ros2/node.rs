@@ -15,7 +15,7 @@ use hiroz_msgs::builtin_interfaces::Time;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::NodeArgs;
+use super::args::NodeArgs;
 
 /// Messages that may wait for the thread that publishes them.
 const WAITING: usize = 256;
@@ -106,9 +106,6 @@ pub fn context(args: &NodeArgs) -> Result<ZContext> {
                 "period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 1.5,
             }),
         );
-    // The default waits for the other one with half of all nodes: up to a second after a restart.
-    let at_once = json!({ "peer": { "to_router": "always", "to_peer": "always" } });
-    builder = builder.with_json("scouting/gossip/autoconnect_strategy", at_once);
     if let Some(domain) = args.domain {
         builder = builder.with_domain_id(domain as usize);
     }
