@@ -337,7 +337,10 @@ mod tests {
 
     /// A line whose robot says what a test wants, and keeps what it is asked.
     #[derive(Clone, Default)]
-    struct Line(Rc<RefCell<(Vec<Ask>, Vec<u8>, Vec<commands::Head>)>>);
+    struct Line(Rc<RefCell<Inside>>);
+
+    /// What it was asked, what it says, and what it was commanded.
+    type Inside = (Vec<Ask>, Vec<u8>, Vec<commands::Head>);
 
     impl Line {
         fn say(&self, write: impl FnOnce(&mut Writer<{ BODY + AROUND }>)) {
