@@ -191,15 +191,13 @@ impl ArmSwitch {
     /// Sends all motors to their safe states until [`reset`](Self::reset); disarmed ones stay free.
     pub fn emergency_stop(&self) {
         self.update(&|word| {
-            let state = state_of(word);
-            let stopped = match state {
+            let stopped = match state_of(word) {
                 ARMED | STOPPED | SUSPENDED => STOPPED,
-                // The count tells `allow`.
-                PARAMETERS => PARAMETERS,
+                // It stays unfit. The count tells `allow`, and another board.
+                unfit @ OVERLOAD.. => unfit,
                 _ => STOPPED_OFF,
             };
-            let is_unfit = state >= OVERLOAD && state != PARAMETERS;
-            (!is_unfit).then(|| with(word.wrapping_add(ONE_STOP), stopped))
+            Some(with(word.wrapping_add(ONE_STOP), stopped))
         });
     }
 

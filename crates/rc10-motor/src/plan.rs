@@ -83,6 +83,20 @@ impl Plan {
             }
             at += 1;
         }
+        // What a device obeys although it is never sent, too.
+        at = 0;
+        while at < ours.len() * theirs.len() {
+            let (one, other) = (&ours[at / theirs.len()], &theirs[at % theirs.len()]);
+            if one.on.is(our_bus)
+                && other.on.is(their_bus)
+                && let (Wiring::Can(one), Wiring::Can(other)) =
+                    (one.config.wiring(), other.config.wiring())
+                && one.clash(&other).is_some()
+            {
+                return None;
+            }
+            at += 1;
+        }
         Some(all.with_all(theirs, their_bus, ours.len()))
     }
 

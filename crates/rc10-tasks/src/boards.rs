@@ -37,7 +37,7 @@ use rc10_message::{Stamped, now};
 use rc10_module::remote::RemoteLink;
 use rc10_motor::embassy::{Filter, Received};
 use rc10_motor::plan::{Extra, Plan, Sort};
-use rc10_motor::{Device, Entry, Frames, Names, Place, Rate};
+use rc10_motor::{CanIds, Device, Entry, Frames, Names, Place, Rate, Wiring};
 use rc10_time::Micros;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -60,7 +60,9 @@ const IDS: u16 = 4 * (MOST as u16 + 1);
 /// it is taken a change is there within five.
 const LATEST_BEAT: u32 = 2000;
 /// Data bytes of a frame with an arm state.
-const BEAT_LEN: u8 = 6;
+const BEAT_LEN: usize = 7;
+/// Most frames of one board's topics: with its arm state they have room in the outbox of a bus at once.
+const FRAMES: usize = 12;
 
 /// What a board is to the other one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,6 +94,10 @@ impl<T> Topic<T> {
     /// A topic with its number, the board that tells it, and the shortest time from one value to the next, whole
     /// milliseconds: what is told more often is told as its newest.
     pub const fn new(number: u8, from: Role, period: Micros) -> Self {
+        assert!(
+            number >= 1 && number as usize <= MOST,
+            "topics of two boards are numbered from 1 to 7"
+        );
         assert!(
             size_of::<T>() <= LONGEST,
             "a value of a topic has at most 28 bytes: make two topics of it"
@@ -126,9 +132,9 @@ pub struct Boards {
     declaration: u16,
 }
 
-/// First identifiers, the least urgent first: behind all motors of standard identifiers, before DJI's feedback, before
-/// DJI's commands, before all.
-const FIRSTS: [u16; 6] = [0x7C0, 0x600, 0x3C0, 0x1C0, 0x0C0, 0x000];
+/// First identifiers, the least urgent first: behind all motors of standard identifiers, between, before DJI's feedback and
+/// commands, before most.
+const FIRSTS: [u16; 5] = [0x7C0, 0x6C0, 0x3C0, 0x1C0, 0x0C0];
 
 impl Boards {
     /// Two boards: motors and bus number of the leading one and of the following one, as `(Name::ENTRIES, 2)`, and all topics.
@@ -139,17 +145,18 @@ impl Boards {
     /// milliseconds, each topic within its period, and each motor's command within its tick.
     pub const fn new(motors: [(&[Entry<Device>], u8); 2], topics: &'static [TopicEntry]) -> Self {
         assert!(topics.len() <= MOST, "two boards have at most 7 topics");
-        let mut at = 0;
+        let (mut at, mut frames) = (0, [0; 2]);
         let mut declaration = 0x811C_9DC5_u32;
         while at < topics.len() {
             let TopicEntry { number, from, period, size } = topics[at];
             assert!(
-                number >= 1 && number as usize <= MOST,
-                "topics of two boards are numbered from 1 to 7"
-            );
-            assert!(
                 period.get() >= 1000 && period.get().is_multiple_of(1000),
                 "the period of a topic is at least 1 ms, and whole milliseconds"
+            );
+            frames[from as usize] += topics[at].parts();
+            assert!(
+                frames[from as usize] <= FRAMES,
+                "the topics of one board have at most 12 frames together, each of 7 bytes"
             );
             let mut other = 0;
             while other < at {
@@ -165,6 +172,7 @@ impl Boards {
             at += 1;
         }
         let [(leader, leaders), (follower, followers)] = motors;
+        assert!(leaders >= 1 && followers >= 1, "buses count from 1");
         let both = [(leader, Place::Bus(leaders)), (follower, Place::Bus(followers))];
         let Some(plan) = Plan::of_both(both, Extra { errors: 0, set_up: false }) else {
             panic!("a motor of each board has the same identifier on the bus that both are on");
@@ -225,7 +233,7 @@ const fn with_frames(plan: Plan, first: u16, topics: &[TopicEntry]) -> Plan {
     let (mut plan, beat) = (plan, BEAT.get() as u32);
     let mut at = 0;
     while at < 2 {
-        let frames = Frames::new(IdPattern::standard(first + at), BEAT_LEN, Rate::Rare);
+        let frames = Frames::new(IdPattern::standard(first + at), BEAT_LEN as u8, Rate::Rare);
         plan = plan.and(frames, beat, beat - 1000);
         at += 1;
     }
@@ -255,6 +263,18 @@ const fn is_in_time(
     let of_motors = plan.sorts().len();
     while at < of_motors {
         if plan.sorts()[at].frames.pattern.overlap(&ids).is_some() {
+            return false;
+        }
+        at += 1;
+    }
+    let between = CanIds::new().receives(Frames::new(ids, 8, Rate::Rare));
+    at = 0;
+    while at < leader.len() + follower.len() {
+        let entry = if at < leader.len() { &leader[at] } else { &follower[at - leader.len()] };
+        // Also of another bus: one candidate less does no harm.
+        if let Wiring::Can(motor) = entry.config.wiring()
+            && motor.clash(&between).is_some()
+        {
             return false;
         }
         at += 1;
@@ -296,7 +316,7 @@ const fn is_above(time: Option<u32>, most: u32) -> bool {
     }
 }
 
-/// Why a value is not told.
+/// Why a value is not told. Of whole numbers the form on the wire is up to an eighth longer than their size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum TellError {
@@ -366,10 +386,10 @@ impl Peer {
 
     /// The newest value that the other board told, and when its last frame came.
     pub fn read<T: DeserializeOwned>(&self, topic: &Topic<T>) -> Option<Stamped<T>> {
-        self.with(|state| {
-            let (bytes, at) = state.incoming.get(usize::from(topic.entry.number) - 1)?.newest()?;
-            Some(Stamped { value: postcard::from_bytes(bytes).ok()?, at })
-        })
+        let place = usize::from(topic.entry.number) - 1;
+        let incoming = self.with(|state| state.incoming.get(place).copied())?;
+        let (bytes, at) = incoming.newest()?;
+        Some(Stamped { value: postcard::from_bytes(bytes).ok()?, at })
     }
 
     /// The newest value, if it is not older.

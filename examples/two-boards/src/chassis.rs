@@ -64,7 +64,7 @@ async fn drive(shared: &Shared<'_>) -> ! {
     let (mut base, mut every) = (BaseDriver::new(&BASE), Every::millis(5));
     loop {
         let tick = every.next().await;
-        // It fails for a topic of the other board only.
+        // It fails for a topic of the other board, and for whole numbers that are longer than their type.
         let _ = shared.own.peer.tell(&TURNS, &BASE.measured(shared).twist.wz);
         let wish = shared.own.peer.newer_than(&DRIVE, OLDEST, tick.now);
         match wish.filter(|_| shared.switch.state() == ArmState::Armed) {

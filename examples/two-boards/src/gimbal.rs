@@ -70,7 +70,7 @@ async fn drive(shared: &Shared<'_>) -> ! {
         let [ahead, left] = [remote.left.y, -remote.left.x].map(|stick| FULL_STICK * stick);
         let wish = Twist::<FieldFrame>::new(ahead, left, SPIN * remote.right.y);
         let Twist { vx, vy, wz, .. } = wish.into_frame(Radians::new(-yaw.to_radians()));
-        // It fails for a topic of the other board only.
+        // It fails for a topic of the other board, and for whole numbers that are longer than their type.
         let _ = peer.tell(&DRIVE, &[vx, vy, wz]);
         // Against the turning of the chassis it stays where it looks.
         let rate = TURN * -remote.right.x - turns.unwrap_or(0.0);

@@ -446,14 +446,16 @@ impl Machine {
 
     /// Lets the chip go on up to the next event, and the world as far as all chips are.
     fn go_on(&mut self, world: &mut World, until: Nanos, other: Option<Nanos>) -> Result<()> {
+        if other.is_some() {
+            // The world has gone on since it was here.
+            self.hear_interrupts(self.now());
+        }
         let next_of_world = world.next_event();
         let mut horizon = next_of_world.min(self.next_log).min(until);
         if let Some(event) = lock(&self.soc).next_event() {
             horizon = horizon.min(event);
         }
         if let Some(other) = other {
-            // The world has gone on since it was here.
-            self.hear_interrupts(self.now());
             horizon = horizon.min(other + AHEAD);
         }
         self.execute(horizon.get());

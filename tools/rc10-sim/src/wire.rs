@@ -444,6 +444,7 @@ impl Wire {
     fn look_at_controllers(&mut self, now: Nanos) {
         let error_end = now + self.bits(ERROR_FRAME);
         let until = error_end + self.bits(INTERFRAME);
+        let mut disturbed = 0;
         for (at, plug) in self.plugs.iter_mut().enumerate() {
             plug.connected = !plug.cut && plug.controller.borrow().is_connected();
             let on_bus = plug.is_on_bus();
@@ -456,6 +457,7 @@ impl Wire {
                     // It goes on alone; the others destroy what they have of the frame.
                     let broken_off = Segment::Gap { since: air.start, until };
                     self.counters.destroyed += 1;
+                    disturbed = air.heard_by;
                     plug.stub = std::mem::replace(&mut self.bus, broken_off);
                 } else if !on_bus {
                     air.fail(BusError::Stuff, error_end);
@@ -465,6 +467,11 @@ impl Wire {
                 && !on_bus
             {
                 air.fail(BusError::Stuff, error_end);
+            }
+        }
+        for (at, plug) in self.plugs.iter().enumerate() {
+            if disturbed & 1 << at != 0 {
+                plug.controller.borrow_mut().disturbed(BusError::Stuff, error_end);
             }
         }
         self.tell(now);

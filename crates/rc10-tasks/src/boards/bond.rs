@@ -3,7 +3,7 @@
 use rc10_motor::{ArmState, ArmSwitch};
 use rc10_time::Micros;
 
-use super::Role;
+use super::{BEAT_LEN, Role};
 
 /// Time from one arm state that is told to the next, while it does not change.
 pub const BEAT: Micros = Micros::from_millis(5);
@@ -13,8 +13,8 @@ pub const SILENCE: Micros = Micros::from_millis(15);
 pub const LOST: Micros = Micros::from_millis(1000);
 /// Words behind the first of the other board that say that this one has just started.
 const NEW: u8 = 4;
-/// A number that is farther ahead is one from before.
-const AHEAD: u8 = 127;
+/// A number that is farther ahead is one from before: 160 s at one every 5 ms.
+const AHEAD: u16 = 0x7FFF;
 
 /// Whether the other board is heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +46,7 @@ impl Beat {
     const NEW: u8 = 1 << 4;
     const HAS_HEARD: u8 = 1 << 5;
 
-    fn bytes(self, number: u8, declaration: u16) -> [u8; 6] {
+    fn bytes(self, number: u16, declaration: u16) -> [u8; BEAT_LEN] {
         let state = match self.state {
             ArmState::Disarmed => 0,
             ArmState::Armed => 1,
@@ -56,13 +56,13 @@ impl Beat {
         let mut flags = state;
         flags |= if self.is_new { Self::NEW } else { 0 };
         flags |= if self.carried.is_some() { Self::HAS_HEARD } else { 0 };
-        let [low, high] = declaration.to_le_bytes();
-        [number, flags, self.stops, self.carried.unwrap_or_default(), low, high]
+        let [[a, b], [c, d]] = [number, declaration].map(u16::to_le_bytes);
+        [a, b, flags, self.stops, self.carried.unwrap_or_default(), c, d]
     }
 
     /// The number, the declaration and what is said; `None` for what no board says.
-    fn of(bytes: &[u8]) -> Option<(u8, u16, Self)> {
-        let &[number, flags, stops, carried, low, high] = bytes else { return None };
+    fn of(bytes: &[u8]) -> Option<(u16, u16, Self)> {
+        let &[a, b, flags, stops, carried, c, d] = bytes else { return None };
         let state = match flags & 0x0F {
             0 => ArmState::Disarmed,
             1 => ArmState::Armed,
@@ -72,7 +72,8 @@ impl Beat {
         };
         let is_new = flags & Self::NEW != 0;
         let carried = (flags & Self::HAS_HEARD != 0).then_some(carried);
-        Some((number, u16::from_le_bytes([low, high]), Self { state, is_new, stops, carried }))
+        let [number, declaration] = [[a, b], [c, d]].map(u16::from_le_bytes);
+        Some((number, declaration, Self { state, is_new, stops, carried }))
     }
 }
 
@@ -81,20 +82,21 @@ pub(super) struct Bond {
     pub(super) role: Role,
     pub(super) declaration: u16,
     /// Number of what was told last, what that was, and when.
-    number: u8,
+    number: u16,
     told: Option<(Beat, Micros)>,
     /// How many were told since the other board was heard.
     beats: u8,
     /// What was heard last, its number, and when something new was heard.
-    pub(super) heard: Option<(Beat, u8, Micros)>,
+    pub(super) heard: Option<(Beat, u16, Micros)>,
     is_same: bool,
     /// Stops of the switch that are known; those of them that began here.
     seen: u32,
     own: u8,
     /// The other board's stops that were carried out.
     carried: Option<u8>,
-    /// It has just started.
+    /// It has just started; it is stopped.
     is_other_new: bool,
+    is_other_stopped: bool,
     /// The leading board was disarmed since the last stop, or since it was lost.
     may_arm: bool,
 }
@@ -113,6 +115,7 @@ impl Bond {
             own: 0,
             carried: None,
             is_other_new: false,
+            is_other_stopped: false,
             may_arm: false,
         }
     }
@@ -122,19 +125,20 @@ impl Bond {
     }
 
     /// Takes an arm state, unless its number is not ahead of the last one: it comes twice, or from a board that is stuck.
-    /// Whether the other board has just started: its values count anew.
+    /// Whether it is heard anew, behind a silence or its start: its values have other numbers then.
     pub(super) fn hear(&mut self, from: u8, bytes: &[u8], at: Micros) -> bool {
         let Some((number, declaration, beat)) = Beat::of(bytes) else { return false };
         let starts = beat.is_new && self.heard.is_none_or(|(before, ..)| !before.is_new);
         let is_ahead = self.heard.is_none_or(|(_, last, since)| {
             (1..=AHEAD).contains(&number.wrapping_sub(last)) || at.since(since) > LOST
         });
-        if from == self.role as u8 || !(is_ahead || starts) {
+        if from != 1 - self.role as u8 || !(is_ahead || starts) {
             return false;
         }
+        let is_anew = starts || !self.is_heard(at);
         self.is_same = declaration == self.declaration;
         self.heard = Some((beat, number, at));
-        starts
+        is_anew
     }
 
     /// Whether the other board's values are taken: it has the same declaration, and is heard.
@@ -143,7 +147,11 @@ impl Bond {
     }
 
     /// Decides, at least every millisecond: how the other board is heard, and what is to be told now, if anything is.
-    pub(super) fn step(&mut self, switch: &ArmSwitch, now: Micros) -> (Link, Option<[u8; 6]>) {
+    pub(super) fn step(
+        &mut self,
+        switch: &ArmSwitch,
+        now: Micros,
+    ) -> (Link, Option<[u8; BEAT_LEN]>) {
         let stops = switch.stops();
         self.count(stops, 0);
         let link = match self.heard {
@@ -153,7 +161,7 @@ impl Bond {
             Some((.., at)) if now.since(at) > SILENCE => Link::Interrupted,
             Some(_) => Link::Online,
         };
-        if let (Some((beat, ..)), Link::Online) = (self.heard, link) {
+        if let (Some((beat, ..)), Link::Online | Link::Different) = (self.heard, link) {
             self.carry(beat, switch);
         }
         if self.role == Role::Follows {
@@ -173,15 +181,17 @@ impl Bond {
     fn carry(&mut self, beat: Beat, switch: &ArmSwitch) {
         let was_new = core::mem::replace(&mut self.is_other_new, beat.is_new);
         if beat.is_new && !was_new {
-            self.carried = None;
+            (self.carried, self.is_other_stopped) = (None, false);
         }
-        let is_stop = match self.carried {
-            Some(known) => known != beat.stops,
-            None => beat.state == ArmState::EStopped,
-        };
-        self.carried = Some(beat.stops);
+        let is_stopped = beat.state == ArmState::EStopped;
+        let was_stopped = core::mem::replace(&mut self.is_other_stopped, is_stopped);
+        let is_stop = is_stopped && !was_stopped || self.carried.is_some_and(|it| it != beat.stops);
         if is_stop {
             self.stop(switch);
+        }
+        // A board that is unfit does not stay stopped: it never says that it has carried one out.
+        if !is_stop || switch.unfit().is_none() {
+            self.carried = Some(beat.stops);
         }
     }
 
@@ -189,7 +199,7 @@ impl Bond {
         let before = switch.stops();
         switch.emergency_stop();
         let after = switch.stops();
-        // Another one may have come in between; one that is unfit counts none.
+        // Another one may have come in between.
         self.count(after, u32::from(after != before));
         self.may_arm = false;
     }
@@ -205,8 +215,9 @@ impl Bond {
                 }
                 ArmState::Disarmed => {
                     switch.disarm();
-                    // A hand has ended the stop there; one that began here it must have known.
-                    if beat.carried == Some(self.own) {
+                    // A hand has ended the stop there; one that began here it must have known. What it says of stops before
+                    // this board has said that it is new is of those before its start.
+                    if self.beats >= NEW && beat.carried == Some(self.own) {
                         switch.reset_after(self.seen);
                     }
                     self.may_arm = switch.state() == ArmState::Disarmed;
@@ -229,7 +240,7 @@ impl Bond {
     }
 
     /// What is to be told: each change at once, the same every 5 ms.
-    fn tell(&mut self, switch: &ArmSwitch, now: Micros) -> Option<[u8; 6]> {
+    fn tell(&mut self, switch: &ArmSwitch, now: Micros) -> Option<[u8; BEAT_LEN]> {
         let (state, stops, carried) = (switch.state(), self.own, self.carried);
         let beat = Beat { state, is_new: self.beats < NEW, stops, carried };
         let is_due = self.told.is_none_or(|(told, at)| {

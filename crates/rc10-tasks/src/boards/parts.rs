@@ -61,6 +61,7 @@ impl Outgoing {
 }
 
 /// A value that is heard.
+#[derive(Clone, Copy)]
 pub(super) struct Incoming {
     /// The value whose frames come: its head, a bit for each that has come, and the bytes.
     head: u8,
@@ -72,7 +73,9 @@ pub(super) struct Incoming {
     whole_len: usize,
     at: Option<Micros>,
     number: u8,
-    lost: u32,
+    /// Whether the next number follows that.
+    is_numbered: bool,
+    pub(super) lost: u32,
 }
 
 impl Incoming {
@@ -85,6 +88,7 @@ impl Incoming {
         whole_len: 0,
         at: None,
         number: 0,
+        is_numbered: false,
         lost: 0,
     };
 
@@ -96,9 +100,9 @@ impl Incoming {
         Some((&self.whole[..self.whole_len], self.at?))
     }
 
-    /// The other board has started anew: its values have other numbers.
+    /// The other board is heard anew: its values have other numbers.
     pub(super) fn start(&mut self) {
-        (self.at, self.come) = (None, 0);
+        (self.is_numbered, self.come) = (false, 0);
     }
 
     /// Takes a frame. A second one of the same, and one of a value that is whole already, changes nothing.
@@ -111,7 +115,7 @@ impl Incoming {
         }
         // It comes twice, or from before.
         let ahead = number.wrapping_sub(self.number) % NUMBERS;
-        if self.at.is_some() && (ahead == 0 || ahead > NUMBERS / 2) {
+        if self.is_numbered && (ahead == 0 || ahead > NUMBERS / 2) {
             return;
         }
         if *head != self.head {
@@ -124,11 +128,12 @@ impl Incoming {
             self.len = from + piece.len();
         }
         if self.come == (1_u8 << frames) - 1 {
-            if self.at.is_some() {
+            if self.is_numbered {
                 self.lost = self.lost.saturating_add(u32::from(ahead) - 1);
             }
             (self.whole, self.whole_len) = (self.bytes, self.len);
-            (self.number, self.at, self.come) = (number, Some(at), 0);
+            (self.number, self.is_numbered) = (number, true);
+            (self.at, self.come) = (Some(at), 0);
         }
     }
 }

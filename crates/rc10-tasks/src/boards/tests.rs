@@ -4,7 +4,7 @@ use std::vec::Vec;
 
 use rc10_can::CanFrame;
 use rc10_motor::dji::{Config, M3508};
-use rc10_motor::{ArmState, ArmSwitch};
+use rc10_motor::{ArmState, ArmSwitch, Unfit};
 
 use super::*;
 
@@ -23,7 +23,7 @@ struct Scene {
     now: Micros,
     /// Whether the wire between them is whole.
     is_whole: bool,
-    on_wire: Vec<(usize, [u8; 6])>,
+    on_wire: Vec<(usize, [u8; BEAT_LEN])>,
 }
 
 impl Scene {
@@ -191,13 +191,15 @@ fn words_twice_damaged_or_of_another_program_are_not_taken() {
     assert_eq!(scene.links[1], Link::Interrupted);
 
     let mut scene = Scene::armed();
-    for bytes in [&[0; 5][..], &[0; 7], &[9, 7, 0, 0, 0, 0], &[]] {
+    for bytes in [&[0; 6][..], &[0; 8], &[9, 0, 7, 0, 0, 0, 0], &[]] {
         let before = scene.bonds[1].heard;
         scene.bonds[1].hear(0, bytes, scene.now);
         assert_eq!(scene.bonds[1].heard, before, "{bytes:?}");
     }
     // Its own, as an echo.
-    scene.bonds[1].hear(1, &[99, 0, 0, 0, 0, 0], scene.now);
+    for from in 1..4 {
+        scene.bonds[1].hear(from, &[99, 0, 0, 0, 0, 0, 0], scene.now);
+    }
     assert_eq!(scene.pass(1)[1], ArmState::Armed);
 
     // Other topics: never armed.
@@ -207,6 +209,64 @@ fn words_twice_damaged_or_of_another_program_are_not_taken() {
     scene.switches[0].arm().unwrap();
     assert_eq!(scene.pass(20), [ArmState::Armed, ArmState::Disarmed]);
     assert_eq!(scene.links, [Link::Different; 2]);
+    // But a stop of either is one.
+    scene.switches[1].emergency_stop();
+    assert_eq!(scene.pass(5), [ArmState::EStopped; 2]);
+}
+
+#[test]
+fn a_stop_of_a_board_that_has_just_started_ends_by_a_hand_only() {
+    let mut scene = Scene::armed();
+    scene.switches[0].disarm();
+    scene.pass(20);
+    scene.restart(1);
+    scene.switches[1].emergency_stop();
+    // A word of before, in which no stop of this board is open, comes first.
+    let (_, beat) = scene.bonds[0].step(&scene.switches[0], scene.now + BEAT);
+    scene.bonds[1].hear(0, &beat.unwrap(), scene.now + BEAT);
+    assert_eq!(scene.pass(200), [ArmState::EStopped; 2]);
+    scene.reset();
+    assert_eq!(scene.pass(20), [ArmState::Disarmed; 2]);
+}
+
+#[test]
+fn an_unfit_board_hands_a_stop_on_and_ends_none() {
+    let mut scene = Scene::new();
+    scene.switches[1].forbid(Unfit::Clock);
+    scene.pass(20);
+    scene.switches[0].arm().unwrap();
+    assert_eq!(scene.pass(20), [ArmState::Armed, ArmState::Disarmed]);
+    scene.switches[1].emergency_stop();
+    assert_eq!(scene.pass(5), [ArmState::EStopped, ArmState::Disarmed]);
+    // A leading board that cannot be stopped does not end the other one's.
+    let mut scene = Scene::new();
+    scene.switches[0].forbid(Unfit::Clock);
+    scene.pass(20);
+    scene.switches[1].emergency_stop();
+    assert_eq!(scene.pass(500)[1], ArmState::EStopped);
+}
+
+#[test]
+fn any_number_of_stops_behind_a_cut_wire_is_a_stop() {
+    for stops in [1, 255, 256, 512] {
+        let mut scene = Scene::armed();
+        scene.is_whole = false;
+        scene.pass(700);
+        (0..stops).for_each(|_| scene.switches[1].emergency_stop());
+        scene.is_whole = true;
+        assert_eq!(scene.pass(7), [ArmState::EStopped; 2], "{stops}");
+    }
+}
+
+#[test]
+fn a_wire_that_is_cut_for_less_than_a_second_changes_nothing() {
+    for cut in [20, 400, 640, 700, 980] {
+        let mut scene = Scene::armed();
+        scene.is_whole = false;
+        scene.pass(cut);
+        scene.is_whole = true;
+        assert_eq!(scene.pass(10), [ArmState::Armed; 2], "{cut} ms");
+    }
 }
 
 #[test]
@@ -282,6 +342,15 @@ fn a_value_of_several_frames_is_whole_or_not_there() {
     }
     before.iter().for_each(|(frame, data)| heard.take(*frame, data, at));
     assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[4; 28][..], 1));
+    // But behind a silence numbers begin anew, and what was known stays.
+    heard.start();
+    assert_eq!(heard.newest().unwrap().0, &[4; 28]);
+    before.iter().for_each(|(frame, data)| heard.take(*frame, data, at));
+    assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[3; 28][..], 1));
+    for (frame, data) in frames(&tell(&mut told, 4, 28)) {
+        heard.take(frame, &data, at);
+    }
+    heard.lost = 1;
     // Of two values a frame each makes none.
     let (one, other) = (frames(&tell(&mut told, 1, 14)), frames(&tell(&mut told, 2, 14)));
     heard.take(0, &one[0].1, at);
@@ -330,6 +399,31 @@ fn identifiers_are_as_late_as_they_may_be() {
 #[should_panic(expected = "a motor of each board has the same identifier")]
 fn two_boards_do_not_command_one_motor() {
     let _ = Boards::new([(&[WHEEL], 1), (&[WHEEL], 1)], TOPICS);
+}
+
+#[test]
+#[should_panic(expected = "a motor of each board has the same identifier")]
+fn a_frame_that_a_motor_of_the_other_board_obeys_is_one() {
+    // A Damiao obeys every identifier with its own low byte: 0x201, the feedback of an M3508.
+    use rc10_motor::damiao::{Config, Control, models};
+    let mit = Control::Mit(M3508.cascade);
+    let config = Config::new(models::J4310, 0x01, 0x31, mit).device();
+    let arm = Entry::new(Place::Bus(1), config).with_label("arm");
+    let _ = Boards::new([(&[WHEEL], 1), (&[arm], 1)], TOPICS);
+}
+
+#[test]
+#[should_panic(expected = "at most 12 frames together")]
+fn one_board_has_no_more_frames_than_the_outbox_has_room_for() {
+    const MANY: [Topic<[f32; 7]>; 4] = [
+        Topic::new(1, Role::Leads, Micros::from_millis(100)),
+        Topic::new(2, Role::Leads, Micros::from_millis(100)),
+        Topic::new(3, Role::Leads, Micros::from_millis(100)),
+        Topic::new(4, Role::Leads, Micros::from_millis(100)),
+    ];
+    static ALL: [TopicEntry; 4] =
+        [MANY[0].entry(), MANY[1].entry(), MANY[2].entry(), MANY[3].entry()];
+    let _ = Boards::new([(&[], 1), (&[], 1)], &ALL);
 }
 
 #[test]
