@@ -43,6 +43,8 @@ struct Log {
     driven: Option<Instant>,
     /// A zero was taken since the last loss.
     had_neutral: bool,
+    /// Since when there is no command.
+    silent: Option<Instant>,
     oldest: Duration,
     judged: u64,
     faults: Vec<String>,
@@ -56,10 +58,13 @@ impl Log {
     fn look(&mut self, look: &Look) {
         let value = look.signals.first().copied().flatten().map(|it| it as f32);
         let Some(value) = value else {
-            self.had_neutral = false;
+            // A loss for the robot is 100 ms without a command: 50 ms later than this, or 100.
+            let silent = *self.silent.get_or_insert_with(Instant::now);
+            self.had_neutral &= silent.elapsed() < Duration::from_millis(100);
             self.taken = f32::NAN;
             return;
         };
+        self.silent = None;
         let is_new = value.to_bits() != self.taken.to_bits();
         self.taken = value;
         if value == 0.0 {
