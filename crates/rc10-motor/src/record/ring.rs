@@ -1,6 +1,6 @@
 //! A ring of entries in memory that stays over a reset: what a black box has. Chip and PC both know it from here.
 //!
-//! It has [`BLOCKS`] blocks, each of which is read by itself: when it is full, the oldest goes. The page `docs/replay.md`
+//! It has 32 blocks, each of which is read by itself: when it is full, the oldest goes. The page `docs/replay.md`
 //! says what stands where.
 
 use core::sync::atomic::{Ordering, compiler_fence};
