@@ -56,9 +56,9 @@ use parts::{Incoming, Outgoing};
 pub const MOST: usize = 7;
 /// Identifiers that they take: four for each topic, and those of the arm states.
 const IDS: u16 = 4 * (MOST as u16 + 1);
-/// The latest end of a frame with an arm state, µs: with a millisecond until it is noticed, one until it leaves and one until
-/// it is taken a change is there within five.
-const LATEST_BEAT: u32 = 2000;
+/// The latest end of a frame between the boards, µs: with a millisecond until it is noticed, one until it leaves and one until
+/// it is taken a change of the arm state is there within five.
+const LATEST: u32 = 2000;
 /// Data bytes of a frame with an arm state.
 const BEAT_LEN: usize = 7;
 /// Most frames of one board's topics: with its arm state they have room in the outbox of a bus at once.
@@ -180,7 +180,6 @@ impl Boards {
         let mut at = 0;
         while at < FIRSTS.len() {
             if is_in_time(plan, [leader, follower], FIRSTS[at], topics) {
-                #[expect(clippy::cast_possible_truncation, reason = "both halves")]
                 let declaration = (declaration ^ declaration >> 16) as u16;
                 return Self {
                     first: FIRSTS[at],
@@ -259,16 +258,8 @@ const fn is_in_time(
     topics: &[TopicEntry],
 ) -> bool {
     let ids = IdPattern::standard(first).under(!(IDS as u32 - 1));
-    let (plan, mut at) = (motors, 0);
-    let of_motors = plan.sorts().len();
-    while at < of_motors {
-        if plan.sorts()[at].frames.pattern.overlap(&ids).is_some() {
-            return false;
-        }
-        at += 1;
-    }
     let between = CanIds::new().receives(Frames::new(ids, 8, Rate::Rare));
-    at = 0;
+    let mut at = 0;
     while at < leader.len() + follower.len() {
         let entry = if at < leader.len() { &leader[at] } else { &follower[at - leader.len()] };
         // Also of another bus: one candidate less does no harm.
@@ -279,7 +270,8 @@ const fn is_in_time(
         }
         at += 1;
     }
-    let (plan, mut sort) = (with_frames(plan, first, topics), 0);
+    let of_motors = motors.sorts().len();
+    let (plan, mut sort) = (with_frames(motors, first, topics), 0);
     while sort < plan.sorts().len() {
         let is_late = if sort < of_motors {
             plan.is_feedback(sort) && {
@@ -297,9 +289,7 @@ const fn is_in_time(
             }
         } else {
             // From when it was due: an arm state that changes counts as one that is four milliseconds early.
-            let is_beat = sort < of_motors + 2;
-            let most = plan.period(sort) - 1000 + if is_beat { LATEST_BEAT } else { 2000 };
-            is_above(plan.response(sort), most)
+            is_above(plan.response(sort), plan.period(sort) - 1000 + LATEST)
         };
         if is_late {
             return false;

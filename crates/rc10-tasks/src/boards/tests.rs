@@ -333,7 +333,7 @@ fn a_value_of_several_frames_is_whole_or_not_there() {
         assert_eq!(heard.newest(), Some((&[len as u8; LONGEST][..len], at)));
     }
     assert_eq!(heard.lost(), 0);
-    // One from before is none.
+    // One from before is not taken.
     let before = frames(&tell(&mut told, 3, 28));
     for _ in 0..5 {
         for (frame, data) in frames(&tell(&mut told, 4, 28)) {

@@ -136,7 +136,7 @@ impl<const N: usize> Auto<N> {
     }
 
     /// The newest values if `is_auto`, as a switch of the remote says; zero for a channel whose command is 50 ms old.
-    /// By hand there is none: call it in each step all the same, for it tells a PC who drives.
+    /// By hand it has no values: call it in each step all the same, for it tells a PC who drives.
     pub fn values(&self, is_auto: bool) -> Option<[f32; N]> {
         let now = rc10_message::now();
         let known = self.known.lock(Cell::get);

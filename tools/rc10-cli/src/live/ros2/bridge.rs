@@ -54,7 +54,7 @@ struct Node {
 
 impl<'r> Bridge<'r> {
     /// Begins between a robot's line and a router, each of which may come later. `estimate` and `yaw` are signals of the
-    /// robot's [`Description`](crate::Description). Fails for a router's address or namespace that is none.
+    /// robot's [`Description`](crate::Description). Fails for an invalid router's address or namespace.
     pub fn new(
         connection: RobotConnection<'r>,
         args: &NodeArgs,

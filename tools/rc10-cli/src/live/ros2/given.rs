@@ -42,7 +42,7 @@ enum Deed {
     Act(Action),
 }
 
-/// A result, or why there is none.
+/// A result, or why it is missing.
 type Told<T> = std::result::Result<T, String>;
 
 /// A change of parameters that a node wants, and where its answer goes.
