@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 use std::process::Command;
 
+use rc10_cli::Simulated as _;
 use serde_json::Value;
 
 use crate::common::browser::{Browser, has_browser};
@@ -61,15 +62,13 @@ fn names(page: &Browser) -> BTreeSet<String> {
         .concat(state.parameters.flatMap((it) => [it.label, it.name, it.full]), [state.name])";
     let mut names: BTreeSet<_> =
         strings(&page.look(script)).into_iter().filter(|name| name.len() > 1).collect();
-    // What the script of the robot calls its parts.
-    let of_script = SQUARE.map(|way| format!("square：{way}"));
     // Names of several words are shown by their last ones, too.
     let words: Vec<String> =
         names.iter().flat_map(|name| name.split(' ')).map(str::to_owned).collect();
     names.extend(words.into_iter().filter(|word| word.len() > 1));
-    names.extend(
-        of_script.into_iter().chain(["square", "spin", "stand + gimbal right"].map(Into::into)),
-    );
+    // What the script of the robot calls its parts.
+    let script = team::Robot::description().remote.unwrap().script;
+    names.extend(script.iter().map(|line| line.label.replace(": ", "：")));
     names
 }
 
