@@ -349,6 +349,8 @@ impl Esc {
 #[derive(Clone)]
 pub struct Base {
     pub(crate) motion: Rc<Cell<Motion>>,
+    /// Whether its IMU is mounted upside down.
+    pub is_imu_over: bool,
 }
 
 impl Base {
@@ -360,5 +362,10 @@ impl Base {
     /// The velocity.
     pub fn twist(&self) -> Twist {
         self.motion.get().twist()
+    }
+
+    /// The sign of its IMU's vertical axis: -1 of one that is mounted upside down.
+    pub(crate) fn imu_sign(&self) -> f64 {
+        if self.is_imu_over { -1.0 } else { 1.0 }
     }
 }

@@ -75,10 +75,10 @@ impl SerialDevice for Hwt101 {
 
     fn advance(&mut self, now: Nanos, send: &mut VecDeque<u8>) {
         self.next = now + self.period;
-        let (pose, twist) = (self.base.pose(), self.base.twist());
-        let turn_rate = (twist.yaw.to_degrees() / 2000.0 * 32_768.0).clamp(-32_768.0, 32_767.0);
+        let (pose, twist, sign) = (self.base.pose(), self.base.twist(), self.base.imu_sign());
+        let turn_rate = (sign * twist.yaw.to_degrees() / 2000.0 * 32_768.0).clamp(-32_768.0, 32_767.0);
         // One turn is 65536, and the angle wraps at half of it.
-        let turns = (pose.yaw - self.zero) / (2.0 * PI);
+        let turns = sign * (pose.yaw - self.zero) / (2.0 * PI);
         let yaw = (turns - turns.round()) * 65_536.0;
         #[expect(clippy::cast_possible_truncation, reason = "32768 is -32768")]
         let [turn_rate, yaw] = [turn_rate, yaw].map(|value| value.round() as i32 as i16);

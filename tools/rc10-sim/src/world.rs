@@ -280,7 +280,7 @@ impl World {
         let place = |(esc, mounting): (&Esc, Mounting)| (esc.index, mounting);
         let motors = motors.iter().map(|motors| (place(motors.drive), motors.steering.map(place)));
         let body = Body::new(chassis, &motors.collect::<Vec<_>>(), &mut inner.units);
-        let base = Base { motion: Rc::clone(&body.motion) };
+        let base = Base { motion: Rc::clone(&body.motion), is_imu_over: false };
         inner.bodies.push(body);
         Ok(base)
     }

@@ -69,6 +69,8 @@ enum Cause {
     /// The base turns by this factor of what its wheels say.
     Yaw(f64),
     Swap(usize, usize),
+    /// The IMU is mounted upside down.
+    ImuOver,
 }
 
 struct Judged<'r> {
@@ -128,7 +130,7 @@ impl<'r> Judged<'r> {
         let sign = |wheel: usize| self.wheels[wheel].motor.sign();
         let mut real = rims.to_vec();
         match cause {
-            Cause::None | Cause::Yaw(_) => (),
+            Cause::None | Cause::Yaw(_) | Cause::ImuOver => (),
             Cause::Direction(wheel) => real[wheel] = -rims[wheel],
             Cause::Scale(wheel, factor) => real[wheel] = factor * rims[wheel],
             // Each at the other's place, and seen from the other side if that is mirrored.
@@ -141,7 +143,11 @@ impl<'r> Judged<'r> {
     }
 
     fn expected(&self, cause: Cause, window: &Window) -> f64 {
-        let factor = if let Cause::Yaw(factor) = cause { factor } else { 1.0 };
+        let factor = match cause {
+            Cause::Yaw(factor) => factor,
+            Cause::ImuOver => -1.0,
+            _ => 1.0,
+        };
         factor * window.yaw(&self.real(cause, &window.rims))
     }
 
@@ -175,7 +181,7 @@ impl<'r> Judged<'r> {
 
     /// All causes that can be told apart, with their factors fitted to the IMU.
     fn causes(&self) -> Vec<Cause> {
-        let mut causes = vec![Cause::None];
+        let mut causes = vec![Cause::None, Cause::ImuOver];
         let count = self.wheels.len();
         causes.extend((0..count).map(Cause::Direction));
         for a in 0..count {
@@ -355,6 +361,8 @@ impl Judged<'_> {
             [Cause::Direction(it)] => ("direction is reversed", vec![label(it)]),
             [Cause::Scale(it, _)] => ("another gear or wheel", vec![label(it)]),
             [Cause::Swap(a, b)] => ("swapped", vec![label(a), label(b)]),
+            [Cause::ImuOver] => ("IMU is upside down", vec![]),
+            [Cause::ImuOver, ..] => ("IMU is perhaps upside down", vec![]),
             [Cause::Yaw(_) | Cause::None] => ("wheel radius or track is wrong", vec![]),
             [Cause::Direction(_), ..] => ("one wheel's direction is perhaps reversed", vec![]),
             [Cause::Scale(..), ..] => ("one wheel's gear is perhaps wrong", vec![]),
@@ -367,6 +375,9 @@ impl Judged<'_> {
         let label = |wheel: usize| self.wheels[wheel].motor.label;
         match cause {
             Cause::None => "all were well".into(),
+            Cause::ImuOver => {
+                "the IMU were mounted upside down, or its yaw taken with the wrong sign".into()
+            }
             Cause::Direction(it) => {
                 format!("the direction of {} were wrong in the table", label(it))
             }

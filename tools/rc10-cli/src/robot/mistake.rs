@@ -9,7 +9,7 @@ use anyhow::{Result, anyhow};
 /// Help text of the command line's argument.
 pub const HELP: &str = "\
 The world differs from the robot's table: direction:NAME gear:NAME=19.2 pole-pairs:NAME=14 \
-swap:NAME,NAME id:NAME=3 radius:x2 track:x1.1 wheelbase:x0.9 mass:x1.3, and of all motors whose \
+swap:NAME,NAME id:NAME=3 radius:x2 track:x1.1 wheelbase:x0.9 imu:over mass:x1.3, and of all motors whose \
 labels begin so inertia:NAME=x1.3 friction:NAME=x0.7 torque:NAME=x0.7 load:NAME=x2; a name is a motor's label or its \
 beginning, with - for spaces; repeat for more";
 
@@ -32,6 +32,8 @@ pub enum Mistake {
     Track(f64),
     /// `wheelbase:xF`: the axles are `F` times as far apart.
     Wheelbase(f64),
+    /// `imu:over`: the IMU is mounted upside down.
+    ImuOver,
     /// `mass:xF`: the robot is `F` times as heavy.
     Mass(f64),
     /// `inertia:NAME=xF` and so on: a quantity of all motors whose labels begin so.
@@ -75,6 +77,7 @@ impl fmt::Display for Mistake {
             Self::Radius(factor) => write!(f, "radius:x{factor}"),
             Self::Track(factor) => write!(f, "track:x{factor}"),
             Self::Wheelbase(factor) => write!(f, "wheelbase:x{factor}"),
+            Self::ImuOver => write!(f, "imu:over"),
             Self::Mass(factor) => write!(f, "mass:x{factor}"),
             Self::Shaft(quantity, name, factor) => {
                 write!(f, "{}:{name}=x{factor}", quantity.word())
@@ -84,7 +87,7 @@ impl fmt::Display for Mistake {
 }
 
 const KINDS: &str = "direction:NAME gear:NAME=n pole-pairs:NAME=n swap:NAME,NAME id:NAME=n \
-                     radius:xF track:xF wheelbase:xF mass:xF inertia:NAME=xF friction:NAME=xF \
+                     radius:xF track:xF wheelbase:xF imu:over mass:xF inertia:NAME=xF friction:NAME=xF \
                      torque:NAME=xF load:NAME=xF";
 
 impl FromStr for Mistake {
@@ -139,6 +142,8 @@ fn mistake_of(text: &str) -> Result<Mistake, String> {
         "radius" => factor().map(Mistake::Radius),
         "track" => factor().map(Mistake::Track),
         "wheelbase" => factor().map(Mistake::Wheelbase),
+        "imu" if rest == "over" => Ok(Mistake::ImuOver),
+        "imu" => Err("write imu:over".into()),
         "mass" => factor().map(Mistake::Mass),
         _ => {
             let known = Quantity::ALL.into_iter().find(|(word, _)| *word == kind);
@@ -166,6 +171,7 @@ mod tests {
             "radius:x2",
             "track:x1.1",
             "wheelbase:x0.5",
+            "imu:over",
             "mass:x1.5",
             "inertia:lift=x1.3",
             "friction:wheel=x0.7",
@@ -190,6 +196,7 @@ mod tests {
             ("id:feeder=300", "no whole number"),
             ("swap:left", "write swap:"),
             ("swap:left,", "needs the label"),
+            ("imu:under", "write imu:over"),
             ("radius:2", "radius:x2"),
             ("radius:x-2", "no number"),
             ("radius:xinf", "no number"),

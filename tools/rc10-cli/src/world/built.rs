@@ -68,6 +68,9 @@ impl Built {
                 (self.motors[first].on, self.motors[first].device) = other;
                 (self.motors[second].on, self.motors[second].device) = one;
             }
+            Mistake::ImuOver => {
+                ensure!(description.yaw.is_some(), "the robot says no yaw of an IMU (`Description::yaw`)");
+            }
             Mistake::Mass(factor) => {
                 let chassis = self.chassis.take().context(NO_BASE)?;
                 let mass = chassis.mass * factor;

@@ -16,6 +16,7 @@ use rc10_time::Micros;
 
 use crate::formats::slcan::host::HostPort;
 use crate::robot::description::Description;
+use crate::robot::mistake::Mistake;
 use crate::robot::operator::Operator;
 use crate::robot::remote::{Receiver, ReceiverWire, mixer};
 use crate::world::built::Built;
@@ -129,7 +130,9 @@ impl Environment {
                 turn == all && steering.next().is_none(),
                 "base: {turn} motors turn and {steer} steer, but that is not what its {all} wheels need"
             );
-            base = Some(world.add_base(chassis, wheels).context("base")?);
+            let mut added = world.add_base(chassis, wheels).context("base")?;
+            added.is_imu_over = description.mistakes.contains(&Mistake::ImuOver);
+            base = Some(added);
         }
         let mut serials = Vec::new();
         for part in &description.serials {

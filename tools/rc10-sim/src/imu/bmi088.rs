@@ -29,10 +29,11 @@ impl Motion {
     /// Level and at rest.
     pub const REST: Self = Self { acceleration: [0.0, 0.0, GRAVITY], rotation: [0.0; 3] };
 
-    /// Level in the middle of a base now, z up: gravity and the base's yaw rate. How the base
+    /// Level in the middle of a base now, z up or, upside down, z down: gravity and the base's yaw rate. How the base
     /// gathers speed is left out.
     pub fn of(base: &Base) -> Self {
-        Self { rotation: [0.0, 0.0, base.twist().yaw], ..Self::REST }
+        let along = |value| [0.0, 0.0, base.imu_sign() * value];
+        Self { acceleration: along(GRAVITY), rotation: along(base.twist().yaw) }
     }
 }
 
