@@ -72,6 +72,9 @@ fn families(package: &'static str, it: &Description) -> Vec<Case> {
         add("short", format!("short:{bus}@2.5s"), &["bus-shorted"], &about);
         add("never plugged in", format!("cut:{bus}@0s"), ALONE, &about);
     }
+    if has_wheels {
+        add("IMU", "imu:over".into(), &["base"], "IMU is upside down");
+    }
     for part in &it.serials {
         add("part", format!("cut:{}@0s", word(part.label)), &["never-heard"], part.label);
     }
