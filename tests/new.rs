@@ -68,6 +68,10 @@ fn a_robot_has_its_own_name_throughout() {
     ] {
         assert!(read(file).contains(words), "{file}: no {words}\n{}", read(file));
     }
+    // It takes from the checkout what others wrote.
+    let target = Path::new(env!("CARGO_MANIFEST_DIR")).join("target");
+    let shared = format!("build-dir = {:?}\n", target.to_str().unwrap());
+    assert!(read(".cargo/config.toml").contains(&shared), "{}", read(".cargo/config.toml"));
     for file in ["Cargo.toml", "README.md", "src/lib.rs", "src/simulation.rs", "tests/drive.rs"] {
         let text = read(file).replace("night-starter", "").replace("night_starter", "");
         assert!(!text.contains("starter"), "{file}: {text}");
@@ -170,6 +174,8 @@ fn it_may_point_at_a_commit() {
             format!("{package} = {{ git = \"https://example.org/rc10.git\", rev = \"0123abc\"");
         assert!(text.contains(&wanted) && !text.contains("path = \"/"), "{file}: {text}");
     }
+    let config = fs::read_to_string(folder.join("ibis/.cargo/config.toml")).unwrap();
+    assert!(!config.contains("build-dir"), "{config}");
     let (done, text) = new(&folder, &["other", "--git", "https://example.org/rc10.git"]);
     assert!(!done && text.contains("--rev"), "{text}");
 }

@@ -168,7 +168,17 @@ impl Checkout {
         let config = sections(&config).into_iter().filter(|(name, _)| *name != "alias");
         let config: String = config.map(|(_, text)| text).collect();
         let chip = |board: Board| format!("--chip {}Tx ", board.chip);
-        let config = replaced(&config, &chip(Board::default()), &chip(self.board))?;
+        let mut config = replaced(&config, &chip(Board::default()), &chip(self.board))?;
+        if self.git.is_none() {
+            // With its lock files the crates of others are the same ones.
+            let (line, place) = ("target-dir = \"target\"\n", self.root.join("target"));
+            let shared = format!(
+                "{line}# What the checkout has compiled of others need not be compiled again.\n\
+                 build-dir = {:?}\n",
+                place.display().to_string()
+            );
+            config = replaced(&config, line, &shared)?;
+        }
         files.push((".cargo/config.toml".into(), config));
         files.push((".gitignore".into(), "target/\n".into()));
         Ok(files)
