@@ -48,7 +48,8 @@ fn a_part_that_the_chip_never_reads_is_told() {
     let twin = |world: &mut rc10_sim::World, base: Option<&rc10_sim::Base>| {
         Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base.unwrap(), Nanos::ZERO)))
     };
-    let (code, text) = emulated("unread", &[imu, SerialPart { label: "wall", uart: 10, twin }]);
+    let (code, text) =
+        emulated("unread", &[imu, SerialPart { label: "wall", uart: 10, twin: Some(twin) }]);
     assert_eq!(code, 3, "{text}");
     assert!(text.contains("✗ 1 problem\n  wall: never read by the chip"), "{text}");
 }
@@ -60,7 +61,7 @@ fn an_imu_that_says_nothing_is_told() {
     let twin = |world: &mut rc10_sim::World, _: Option<&rc10_sim::Base>| {
         Ok(world.add_serial(Hwt101::SERIAL, Mute))
     };
-    let (code, text) = emulated("mute", &[SerialPart { twin, ..imu }]);
+    let (code, text) = emulated("mute", &[SerialPart { twin: Some(twin), ..imu }]);
     assert_eq!(code, 3, "{text}");
     assert!(text.contains("the program warns from 1.0"), "{text}");
     assert!(text.contains("s on: IMU gives no heading"), "{text}");

@@ -41,6 +41,9 @@ pub const CARRIER: u8 = 5;
 pub const CARRIED: usize = 192;
 /// Bytes of a carrier that carries nothing yet, and has no sample.
 pub const CARRIER_HEAD: usize = 2;
+/// The first byte of a body for the robot's other board, and its place, below 32; up to eight bytes follow.
+pub const BOARD: u8 = 0xA0;
+const FOR_BOARD: usize = 9;
 /// Bytes around a body.
 pub const AROUND: usize = HEAD + TAIL;
 
@@ -158,6 +161,16 @@ impl<const N: usize> Writer<N> {
     }
 }
 
+/// A frame for the robot's other board, with a place below 32 and up to eight bytes.
+#[must_use]
+pub fn of_board(place: u8, data: &[u8]) -> Writer<32> {
+    let (mut body, mut writer) = (Vec::<u8, FOR_BOARD>::new(), Writer::new());
+    if body.push(BOARD | place).and_then(|()| body.extend_from_slice(data).map_err(|_| 0)).is_ok() {
+        writer.body(&body);
+    }
+    writer
+}
+
 /// What a carrier's body carries, and the body of its sample, which may be empty; `None` for another body.
 #[must_use]
 pub fn carried(body: &[u8]) -> Option<(&[u8], &[u8])> {
@@ -245,6 +258,25 @@ impl Protocol for FromRobot {
     fn examine(&self, bytes: &[u8]) -> Found<Self::Message> {
         examine(bytes, BODY, |whole, body| {
             Vec::from_slice(body).map_or(Found::Damaged, |body| Found::Frame(whole, body))
+        })
+    }
+}
+
+/// The protocol that a board hears of the robot's other one: places and bytes. Frames of and for PCs are skipped.
+#[derive(Debug)]
+pub struct FromBoard;
+
+impl Protocol for FromBoard {
+    type Message = (u8, Vec<u8, FOR_BOARD>);
+    type Buffer = Vec<u8, { FOR_BOARD + AROUND }>;
+
+    fn examine(&self, bytes: &[u8]) -> Found<Self::Message> {
+        examine(bytes, FOR_BOARD, |whole, body| match body {
+            [first, data @ ..] if first & 0xE0 == BOARD => {
+                let data = Vec::from_slice(data).unwrap_or_default();
+                Found::Frame(whole, (first & 0x1F, data))
+            }
+            _ => Found::Other(whole),
         })
     }
 }

@@ -30,7 +30,8 @@ impl Reception {
         self.write(Counters { frames, damaged, skipped: 0, port_errors });
     }
 
-    pub(crate) fn write(&self, counters: Counters) {
+    /// Says how it goes to what is heard by a loop of its own.
+    pub fn write(&self, counters: Counters) {
         self.0.lock(|cell| cell.set(counters));
     }
 }

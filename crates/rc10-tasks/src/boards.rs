@@ -1,8 +1,8 @@
-//! Two boards of one robot on one CAN bus: topics between them, and one arm state.
+//! Two boards of one robot on one CAN bus or one UART: topics between them, and one arm state.
 //!
 //! [`Boards`] is declared once for both: the bus on each board, and the topics. When it is compiled, the identifiers are
-//! chosen by the response times of all frames on that bus: as late in the arbitration as they may be. One board
-//! [leads](Role::Leads): it has the remote. The other one follows its arm state, and stops, suspended and disarmed, when it no
+//! chosen by the response times of all frames on that bus: as late in the arbitration as they may be. Over a UART the bytes
+//! are counted instead ([`Boards::over_uart`]). One board [leads](Role::Leads): it has the remote. The other one follows its arm state, and stops, suspended and disarmed, when it no
 //! longer hears it. A stop of one stops both.
 //!
 //! ```
@@ -31,10 +31,13 @@ use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Ticker};
+use embedded_io_async::{Read, Write};
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, IdPattern};
+use rc10_link::frame::{self, AROUND, FromBoard};
 use rc10_message::{Stamped, now};
 use rc10_module::remote::RemoteLink;
+use rc10_module::{Reception, Stream};
 use rc10_motor::embassy::{Filter, Received};
 use rc10_motor::plan::{Extra, Plan, Sort};
 use rc10_motor::{CanIds, Device, Entry, Frames, Names, Place, Rate, Wiring};
@@ -59,6 +62,12 @@ const IDS: u16 = 4 * (MOST as u16 + 1);
 /// The latest end of a frame between the boards, µs: with a millisecond until it is noticed, one until it leaves and one until
 /// it is taken a change of the arm state is there within five.
 const LATEST: u32 = 2000;
+/// The same over a UART: a board that sends as much itself takes it as much later.
+const LATEST_OVER_UART: u64 = 1500;
+/// Bits of a byte on a UART.
+const BITS: u64 = 10;
+/// Bytes of a topic's frame on a UART: its place and eight of data.
+const PART: usize = 2 + parts::BYTES + AROUND;
 /// Data bytes of a frame with an arm state.
 const BEAT_LEN: usize = 7;
 /// Most frames of one board's topics: with its arm state they have room in the outbox of a bus at once.
@@ -121,13 +130,15 @@ impl TopicEntry {
     }
 }
 
-/// The declaration of two boards on one bus, the same on both.
+/// The declaration of two boards on one bus or UART, the same on both.
 #[derive(Clone, Copy, Debug)]
 pub struct Boards {
     /// The first identifier.
     first: u16,
     /// The bus of each, of the leading one first.
     buses: [u8; 2],
+    /// Bits a second of the UART, if it is one.
+    baud: Option<u32>,
     topics: &'static [TopicEntry],
     declaration: u16,
 }
@@ -144,33 +155,7 @@ impl Boards {
     /// milliseconds; the motors of both clash on the bus; or there are no identifiers by which the arm state arrives within two
     /// milliseconds, each topic within its period, and each motor's command within its tick.
     pub const fn new(motors: [(&[Entry<Device>], u8); 2], topics: &'static [TopicEntry]) -> Self {
-        assert!(topics.len() <= MOST, "two boards have at most 7 topics");
-        let (mut at, mut frames) = (0, [0; 2]);
-        let mut declaration = 0x811C_9DC5_u32;
-        while at < topics.len() {
-            let TopicEntry { number, from, period, size } = topics[at];
-            assert!(
-                period.get() >= 1000 && period.get().is_multiple_of(1000),
-                "the period of a topic is at least 1 ms, and whole milliseconds"
-            );
-            frames[from as usize] += topics[at].parts();
-            assert!(
-                frames[from as usize] <= FRAMES,
-                "the topics of one board have at most 12 frames together, each of 7 bytes"
-            );
-            let mut other = 0;
-            while other < at {
-                assert!(topics[other].number != number, "two topics have the same number");
-                other += 1;
-            }
-            let numbers = [number as u32, from as u32, (period.get() / 1000) as u32, size as u32];
-            let mut byte = 0;
-            while byte < numbers.len() {
-                declaration = (declaration ^ numbers[byte]).wrapping_mul(0x0100_0193);
-                byte += 1;
-            }
-            at += 1;
-        }
+        let declaration = checked(topics);
         let [(leader, leaders), (follower, followers)] = motors;
         assert!(leaders >= 1 && followers >= 1, "buses count from 1");
         let both = [(leader, Place::Bus(leaders)), (follower, Place::Bus(followers))];
@@ -180,13 +165,8 @@ impl Boards {
         let mut at = 0;
         while at < FIRSTS.len() {
             if is_in_time(plan, [leader, follower], FIRSTS[at], topics) {
-                let declaration = (declaration ^ declaration >> 16) as u16;
-                return Self {
-                    first: FIRSTS[at],
-                    buses: [leaders, followers],
-                    topics,
-                    declaration,
-                };
+                let (first, buses) = (FIRSTS[at], [leaders, followers]);
+                return Self { first, buses, baud: None, topics, declaration };
             }
             at += 1;
         }
@@ -195,19 +175,41 @@ impl Boards {
         )
     }
 
+    /// Two boards on a UART of each, 8N1 of these bits a second.
+    ///
+    /// # Panics
+    /// In a `const` a compile error: topics as in [`new`](Self::new); or an arm state arrives later than 1.5 milliseconds,
+    /// behind all that its board tells.
+    pub const fn over_uart(baud: u32, topics: &'static [TopicEntry]) -> Self {
+        let declaration = checked(topics);
+        assert!(
+            is_in_time_over_uart(baud, topics, Role::Leads)
+                && is_in_time_over_uart(baud, topics, Role::Follows),
+            "the topics do not fit on the UART of both boards: at this baud rate an arm state comes later than 1.5 ms"
+        );
+        Self { first: FIRSTS[0], buses: [0; 2], baud: Some(baud), topics, declaration }
+    }
+
+    /// Bits a second of the UART between them, unless they are on a bus.
+    #[must_use]
+    pub const fn baud(&self) -> Option<u32> {
+        self.baud
+    }
+
     /// The first of their identifiers, of 32.
     #[must_use]
     pub const fn first(&self) -> u16 {
         self.first
     }
 
-    /// The bus that both are on, as the board in a role counts, and as the other one does.
+    /// The bus that both are on, as the board in a role counts, and as the other one does; `None` on a UART.
     #[must_use]
-    pub const fn buses(&self, role: Role) -> [u8; 2] {
+    pub const fn buses(&self, role: Role) -> Option<[u8; 2]> {
         let [leader, follower] = self.buses;
-        match role {
-            Role::Leads => [leader, follower],
-            Role::Follows => [follower, leader],
+        match (self.baud, role) {
+            (Some(_), _) => None,
+            (None, Role::Leads) => Some([leader, follower]),
+            (None, Role::Follows) => Some([follower, leader]),
         }
     }
 
@@ -220,10 +222,68 @@ impl Boards {
         IdPattern::standard(self.first).under(!u32::from(IDS - 1))
     }
 
-    fn frame(&self, number: u8, part: u8, data: &[u8]) -> Option<CanFrame> {
-        let id = StandardId::new(self.first + u16::from(4 * number + part))?;
+    fn frame(&self, place: u8, data: &[u8]) -> Option<CanFrame> {
+        let id = StandardId::new(self.first + u16::from(place))?;
         CanFrame::data_frame(id, data).ok()
     }
+}
+
+/// Checks topics, and makes their hash.
+const fn checked(topics: &[TopicEntry]) -> u16 {
+    assert!(topics.len() <= MOST, "two boards have at most 7 topics");
+    let (mut at, mut frames) = (0, [0; 2]);
+    let mut declaration = 0x811C_9DC5_u32;
+    while at < topics.len() {
+        let TopicEntry { number, from, period, size } = topics[at];
+        assert!(
+            period.get() >= 1000 && period.get().is_multiple_of(1000),
+            "the period of a topic is at least 1 ms, and whole milliseconds"
+        );
+        frames[from as usize] += topics[at].parts();
+        assert!(
+            frames[from as usize] <= FRAMES,
+            "the topics of one board have at most 12 frames together, each of 7 bytes"
+        );
+        let mut other = 0;
+        while other < at {
+            assert!(topics[other].number != number, "two topics have the same number");
+            other += 1;
+        }
+        let numbers = [number as u32, from as u32, (period.get() / 1000) as u32, size as u32];
+        let mut byte = 0;
+        while byte < numbers.len() {
+            declaration = (declaration ^ numbers[byte]).wrapping_mul(0x0100_0193);
+            byte += 1;
+        }
+        at += 1;
+    }
+    (declaration ^ declaration >> 16) as u16
+}
+
+/// Whether all that a board has to tell leaves a UART in time. What has come in some milliseconds, less what has left
+/// meanwhile, is before the frame that comes at their end; a topic may be one millisecond early, an arm state four.
+const fn is_in_time_over_uart(baud: u32, topics: &[TopicEntry], role: Role) -> bool {
+    let mut millis = 0_u64;
+    while millis < 1000 {
+        let mut bytes = (millis.div_ceil(BEAT.get() / 1000) + 1) * (1 + BEAT_LEN + AROUND) as u64;
+        let mut at = 0;
+        while at < topics.len() {
+            if topics[at].from as usize == role as usize {
+                let values = (millis + 1) / (topics[at].period.get() / 1000) + 1;
+                bytes += values * (topics[at].parts() * PART) as u64;
+            }
+            at += 1;
+        }
+        let (needed, gone) = (bytes * BITS * 1_000_000, millis * 1000 * baud as u64);
+        if needed <= gone {
+            return true;
+        }
+        if needed > gone + LATEST_OVER_UART * baud as u64 {
+            return false;
+        }
+        millis += 1;
+    }
+    false
 }
 
 /// A plan with the frames between two boards behind those of its motors: two arm states, then topics.
@@ -400,7 +460,7 @@ impl Peer {
         })
     }
 
-    /// Frames that found no room in the outbox of the bus.
+    /// Frames that found no room in the outbox of the bus, and times that the UART took none.
     pub fn unsent(&self) -> u32 {
         self.with(|state| state.unsent)
     }
@@ -415,75 +475,141 @@ impl Peer {
         self.with(|state| state.other.filter(|_| state.link == Link::Online)).map(|beat| beat.state)
     }
 
-    /// Speaks with the other board, for ever: a task of the robot. That of the following board is the board's hand at the arm
-    /// switch, in place of a remote's.
+    /// Speaks with the other board over their bus, for ever: a task of the robot. That of the following board is the board's
+    /// hand at the arm switch, in place of a remote's.
     ///
     /// # Panics
-    /// All subscriptions of the bus are taken, or the robot does not have it.
+    /// All subscriptions of the bus are taken, the robot does not have it, or the boards are on a UART.
     pub async fn run<N: Names, OWN>(
         &self,
         shared: &Common<'_, N, OWN>,
         boards: &Boards,
         role: Role,
     ) -> ! {
-        let bus = &shared.ports.buses[usize::from(boards.buses(role)[0]) - 1];
+        let buses = boards.buses(role).expect("boards on a UART speak by `run_over`");
+        let bus = &shared.ports.buses[usize::from(buses[0]) - 1];
         let frames = bus.subscribe(Filter::Pattern(boards.pattern()));
         let mut frames = frames.expect("a bus has four subscriptions, and all are taken");
-        let mut bond = Bond::new(role, boards.declaration, &shared.switch);
-        self.with(|state| state.role = Some(role));
+        let mut bond = self.begin(boards, role, shared);
         let mut ticker = Ticker::every(Duration::from_millis(1));
         loop {
-            if let Either::First(received) = select(frames.next(), ticker.next()).await {
-                self.hear(boards, &mut bond, &received);
+            let heard = select(frames.next(), ticker.next()).await;
+            if let Either::First(Received { frame, at }) = heard
+                && let Id::Standard(id) = frame.id()
+                && let Ok(place) = u8::try_from(id.as_raw().wrapping_sub(boards.first))
+            {
+                self.hear(boards, &mut bond, place, frame.bytes(), at);
             }
-            let now = now();
-            let (link, beat) = bond.step(&shared.switch, now);
-            self.with(|state| (state.link, state.other) = (link, bond.other()));
-            if role == Role::Follows {
-                let link = match link {
-                    Link::Online => RemoteLink::Online,
-                    Link::Interrupted => RemoteLink::Interrupted,
-                    Link::Lost | Link::Different => RemoteLink::Lost,
-                };
-                shared.remote_link.set(link, now);
-            }
-            let send = |number, part, data: &[u8]| {
-                let is_sent =
-                    boards.frame(number, part, data).is_some_and(|it| bus.send(&it).is_ok());
-                if !is_sent {
-                    self.with(|state| state.unsent = state.unsent.saturating_add(1));
+            self.turn(boards, &mut bond, shared, |place, data| {
+                boards.frame(place, data).is_some_and(|frame| bus.send(&frame).is_ok())
+            });
+        }
+    }
+
+    /// The same over a UART: a `serial` of the declaration is listened to by it. Damaged frames, bytes between frames and
+    /// errors of the port are counted in `reception`.
+    pub async fn run_over<N: Names, OWN>(
+        &self,
+        shared: &Common<'_, N, OWN>,
+        boards: &Boards,
+        role: Role,
+        reception: &Reception,
+        port: impl Read + Write,
+    ) -> ! {
+        let mut port = port;
+        let mut bond = self.begin(boards, role, shared);
+        let (mut stream, mut bytes) = (Stream::new(FromBoard), [0; 64]);
+        let mut ticker = Ticker::every(Duration::from_millis(1));
+        loop {
+            match select(port.read(&mut bytes), ticker.next()).await {
+                Either::First(Ok(count)) if count > 0 => {
+                    let at = now();
+                    stream.receive(&bytes[..count], at, |(place, data)| {
+                        self.hear(boards, &mut bond, place, &data, at);
+                    });
                 }
-            };
-            if let Some(beat) = beat {
-                send(0, role as u8, &beat);
-            }
-            for TopicEntry { number, from, period, .. } in boards.topics {
-                let place = usize::from(*number) - 1;
-                let due = |state: &mut State| state.outgoing[place].due(*period, now);
-                if *from == role
-                    && let Some(value) = self.with(due)
-                {
-                    value.frames().for_each(|(part, data)| send(*number, part, &data));
+                Either::First(_) => {
+                    stream.interrupt();
+                    // A port that always fails does not keep the processor busy.
+                    ticker.next().await;
                 }
+                Either::Second(()) => {}
+            }
+            reception.write(stream.counters());
+            let mut told = heapless::Vec::<u8, { (FRAMES + 1) * PART }>::new();
+            self.turn(boards, &mut bond, shared, |place, data| {
+                told.extend_from_slice(frame::of_board(place, data).bytes()).is_ok()
+            });
+            if !told.is_empty() && port.write_all(&told).await.is_err() {
+                self.with(|state| state.unsent = state.unsent.saturating_add(1));
             }
         }
     }
 
-    fn hear(&self, boards: &Boards, bond: &mut Bond, Received { frame, at }: &Received) {
-        let Id::Standard(id) = frame.id() else { return };
-        let Ok(place) = u8::try_from(id.as_raw().wrapping_sub(boards.first)) else { return };
+    fn begin<N: Names, OWN>(
+        &self,
+        boards: &Boards,
+        role: Role,
+        shared: &Common<'_, N, OWN>,
+    ) -> Bond {
+        self.with(|state| state.role = Some(role));
+        Bond::new(role, boards.declaration, &shared.switch)
+    }
+
+    /// At least every millisecond: obeys, and tells what is due.
+    fn turn<N: Names, OWN>(
+        &self,
+        boards: &Boards,
+        bond: &mut Bond,
+        shared: &Common<'_, N, OWN>,
+        mut send: impl FnMut(u8, &[u8]) -> bool,
+    ) {
+        let (now, role) = (now(), bond.role);
+        let (link, beat) = bond.step(&shared.switch, now);
+        self.with(|state| (state.link, state.other) = (link, bond.other()));
+        if role == Role::Follows {
+            let link = match link {
+                Link::Online => RemoteLink::Online,
+                Link::Interrupted => RemoteLink::Interrupted,
+                Link::Lost | Link::Different => RemoteLink::Lost,
+            };
+            shared.remote_link.set(link, now);
+        }
+        let mut send = |place, data: &[u8]| {
+            if !send(place, data) {
+                self.with(|state| state.unsent = state.unsent.saturating_add(1));
+            }
+        };
+        if let Some(beat) = beat {
+            send(role as u8, &beat);
+        }
+        for TopicEntry { number, from, period, .. } in boards.topics {
+            let place = usize::from(*number) - 1;
+            let due = |state: &mut State| state.outgoing[place].due(*period, now);
+            if *from == role
+                && let Some(value) = self.with(due)
+            {
+                value.frames().for_each(|(part, data)| send(4 * number + part, &data));
+            }
+        }
+    }
+
+    fn hear(&self, boards: &Boards, bond: &mut Bond, place: u8, data: &[u8], at: Micros) {
         let (number, part) = (place / 4, place % 4);
         if number == 0 {
-            if bond.hear(part, frame.bytes(), *at) {
-                self.with(|state| state.incoming.iter_mut().for_each(Incoming::start));
+            if let Some(silence) = bond.hear(part, data, at) {
+                self.with(|state| {
+                    for TopicEntry { number, period, .. } in boards.topics {
+                        state.incoming[usize::from(*number) - 1].start(silence, *period);
+                    }
+                });
             }
-        } else if bond.is_heard(*at)
+        } else if bond.is_heard(at)
             && let Some(topic) = boards.topics.iter().find(|it| it.number == number)
             && topic.from != bond.role
         {
-            self.with(|state| {
-                state.incoming[usize::from(topic.number) - 1].take(part, frame.bytes(), *at);
-            });
+            let place = usize::from(topic.number) - 1;
+            self.with(|state| state.incoming[place].take(part, data, at));
         }
     }
 }

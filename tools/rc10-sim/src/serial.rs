@@ -55,6 +55,31 @@ pub trait SerialDevice: Any {
     fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
+/// A repeater between two links: what it hears at one it sends at the other, a character later.
+#[derive(Default)]
+pub(crate) struct Repeater {
+    pub(crate) from: Rc<RefCell<VecDeque<u8>>>,
+    pub(crate) to: Rc<RefCell<VecDeque<u8>>>,
+}
+
+impl SerialDevice for Repeater {
+    fn power_on(&mut self, _: Nanos) {
+        self.from.borrow_mut().clear();
+    }
+
+    fn next_event(&self) -> Option<Nanos> {
+        (!self.from.borrow().is_empty()).then_some(Nanos::ZERO)
+    }
+
+    fn advance(&mut self, _: Nanos, send: &mut VecDeque<u8>) {
+        send.append(&mut self.from.borrow_mut());
+    }
+
+    fn receive(&mut self, byte: u8, _: Nanos) {
+        self.to.borrow_mut().push_back(byte);
+    }
+}
+
 /// Counters of a serial link since the world began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]

@@ -15,7 +15,7 @@ use crate::handles::{Base, Bus, Esc};
 use crate::line::{Line, LineConfig, LineWire};
 use crate::pulses::{PulseDevice, PulseLine, Pulses};
 use crate::random::Random;
-use crate::serial::{Link, Serial, SerialConfig, SerialDevice};
+use crate::serial::{Link, Repeater, Serial, SerialConfig, SerialDevice};
 use crate::tasks::Awake;
 use crate::time::{Clock, make_current};
 use crate::uart::Hosted;
@@ -87,8 +87,13 @@ impl Inner {
         for line in &mut self.lines {
             line.process(now, &mut self.random, &mut self.units);
         }
-        let due = self.serials.iter_mut().filter(|link| link.due <= now);
-        due.for_each(|link| link.process(now));
+        let mut is_any_due = false;
+        for link in self.serials.iter_mut().filter(|link| link.due <= now) {
+            link.process(now);
+            is_any_due = true;
+        }
+        // What one has heard another may hand on.
+        self.serials.iter_mut().for_each(|link| link.touched |= is_any_due);
         self.pulses.iter_mut().for_each(|line| line.process(now));
         for (bus, wire) in self.wires.iter_mut().enumerate() {
             let Some(heard) = wire.process(now) else {
@@ -229,6 +234,14 @@ impl World {
         let mut inner = self.inner.borrow_mut();
         inner.serials.push(Link::new(config, Box::new(device), self.clock.now_ns()));
         Serial { inner: Rc::clone(&self.inner), index: inner.serials.len() - 1 }
+    }
+
+    /// Both ends of a new serial line between two hosts, with a repeater in its middle.
+    pub fn add_serial_pair(&mut self, config: SerialConfig) -> [Serial; 2] {
+        let Repeater { from, to } = Repeater::default();
+        let (there, back) = (Rc::clone(&to), Rc::clone(&from));
+        [Repeater { from, to }, Repeater { from: there, to: back }]
+            .map(|repeater| self.add_serial(config, repeater))
     }
 
     /// A new line for pulses, with a device that has power.

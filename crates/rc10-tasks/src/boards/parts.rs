@@ -8,6 +8,8 @@ pub(super) const BYTES: usize = 7;
 pub const LONGEST: usize = 4 * BYTES;
 /// Values are numbered up to this.
 const NUMBERS: u8 = 64;
+/// As many values may be missed and still be counted.
+const MISSED: u64 = 24;
 
 /// The first byte of a frame: the value's number, and in the upper bits one less than its frames.
 const fn head(number: u8, frames: usize) -> u8 {
@@ -40,8 +42,8 @@ impl Outgoing {
             return None;
         }
         // On a grid, so that a late look does not make it slower.
-        let late = now.since(self.next);
-        self.next = if late < period { self.next + period } else { now + period };
+        let is_late_look = now.since(self.next) < Micros::from_millis(1);
+        self.next = if is_late_look { self.next + period } else { now + period };
         (self.is_new, self.number) = (false, self.number.wrapping_add(1) % NUMBERS);
         Some(*self)
     }
@@ -100,9 +102,10 @@ impl Incoming {
         Some((&self.whole[..self.whole_len], self.at?))
     }
 
-    /// The other board is heard anew: its values have other numbers.
-    pub(super) fn start(&mut self) {
-        (self.is_numbered, self.come) = (false, 0);
+    /// The other board is heard anew. Behind a silence of many periods its numbers say nothing.
+    pub(super) fn start(&mut self, silence: Micros, period: Micros) {
+        let values = silence.get() / period.get();
+        (self.is_numbered, self.come) = (self.is_numbered && values < MISSED, 0);
     }
 
     /// Takes a frame. A second one of the same, and one of a value that is whole already, changes nothing.

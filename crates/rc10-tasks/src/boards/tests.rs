@@ -343,7 +343,7 @@ fn a_value_of_several_frames_is_whole_or_not_there() {
     before.iter().for_each(|(frame, data)| heard.take(*frame, data, at));
     assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[4; 28][..], 1));
     // But behind a silence numbers begin anew, and what was known stays.
-    heard.start();
+    heard.start(Micros::new(u64::MAX), period);
     assert_eq!(heard.newest().unwrap().0, &[4; 28]);
     before.iter().for_each(|(frame, data)| heard.take(*frame, data, at));
     assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[3; 28][..], 1));
@@ -390,7 +390,7 @@ fn identifiers_are_as_late_as_they_may_be() {
     assert_eq!(few.first(), 0x7C0);
     let on_other_bus = Boards::new([(&wheels, 2), (&[], 2)], TOPICS);
     assert_eq!(on_other_bus.first(), 0x7C0);
-    let frame = few.frame(1, 2, &[1, 2]).unwrap();
+    let frame = few.frame(6, &[1, 2]).unwrap();
     assert_eq!(frame, CanFrame::exact(StandardId::new(0x7C6).unwrap(), [1, 2]));
     assert!(few.pattern().matches(&frame));
 }

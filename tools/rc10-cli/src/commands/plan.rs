@@ -168,7 +168,8 @@ pub fn plan(args: &PlanArgs, description: &Description, out: &mut dyn Write) -> 
     }
     let extra = Extra { errors: args.errors, set_up: args.set_up };
     // The bus of two boards has the motors of both.
-    let shared = description.partner.map(|other| (other, other.boards.buses(other.role)));
+    let shared = description.partner;
+    let shared = shared.and_then(|other| Some((other, other.boards.buses(other.role)?)));
     if let Some((other, [here, there])) = shared {
         let theirs =
             (other.description)().motors.into_iter().filter(|it| it.on == Place::Bus(there));

@@ -87,11 +87,11 @@ pub struct SerialPart {
     pub label: &'static str,
     /// The chip's UART: 1 for USART1.
     pub uart: u8,
-    /// Puts its simulated twin at the end of a link.
-    pub twin: SerialTwin,
+    /// Puts its simulated twin at the end of a link; `None`: the robot's other board is there.
+    pub twin: Option<SerialTwin>,
 }
 
-/// The other board of a robot: a program of its own, on the bus that both are on.
+/// The other board of a robot: a program of its own, on the bus or UART that both are on.
 #[derive(Clone, Copy, Debug)]
 pub struct Partner {
     pub(crate) boards: Boards,
@@ -194,6 +194,8 @@ pub type Volts = fn(motors: &[Esc], base: Option<&rc10_sim::Base>) -> f64;
 pub enum Twin {
     /// What is at the other end of a serial port.
     Serial(&'static str, SerialTwin),
+    /// The robot's other board is there: [`Description::partner`].
+    Board(&'static str),
     /// Where a contact is closed.
     Contact(&'static str, fn() -> ContactPart),
     /// What is measured.
@@ -206,7 +208,10 @@ pub type SerialTwin = fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Re
 impl Twin {
     const fn label(&self) -> &'static str {
         match self {
-            Self::Serial(label, _) | Self::Contact(label, _) | Self::Voltage(label, _) => label,
+            Self::Serial(label, _)
+            | Self::Board(label)
+            | Self::Contact(label, _)
+            | Self::Voltage(label, _) => label,
         }
     }
 }
@@ -229,7 +234,7 @@ const fn assert_twins<P: Simulated>() {
     while at < P::TWINS.len() {
         let (mut found, mut part) = (false, 0);
         match P::TWINS[at] {
-            Twin::Serial(label, _) => {
+            Twin::Serial(label, _) | Twin::Board(label) => {
                 while part < P::SERIALS.len() {
                     found |= is_same(label, P::SERIALS[part].label);
                     part += 1;
@@ -305,20 +310,24 @@ impl Description {
     pub fn of_program<P: Simulated>(plant: impl Fn(P::Name) -> Plant) -> Self {
         const { assert_twins::<P>() };
         let twin = |label: &str| P::TWINS.iter().find(|twin| twin.label() == label);
-        let imu = P::HAS_IMU.then_some(SerialPart { label: "IMU", uart: IMU_UART, twin: wit });
+        let imu =
+            P::HAS_IMU.then_some(SerialPart { label: "IMU", uart: IMU_UART, twin: Some(wit) });
         let serials = P::SERIALS.iter().filter_map(|part| match twin(part.label)? {
-            &Twin::Serial(label, twin) => Some(SerialPart { label, uart: part.uart, twin }),
+            &Twin::Serial(label, twin) => {
+                Some(SerialPart { label, uart: part.uart, twin: Some(twin) })
+            }
+            &Twin::Board(label) => Some(SerialPart { label, uart: part.uart, twin: None }),
             Twin::Contact(..) | Twin::Voltage(..) => None,
         });
         let contacts = P::CONTACTS.iter().filter_map(|(label, active)| match twin(label)? {
             Twin::Contact(_, part) => {
                 Some(ContactPart { opens: *active == Active::High, ..part() })
             }
-            Twin::Serial(..) | Twin::Voltage(..) => None,
+            Twin::Serial(..) | Twin::Board(_) | Twin::Voltage(..) => None,
         });
         let voltages = P::VOLTAGES.iter().filter_map(|(label, divider)| match twin(label)? {
             &Twin::Voltage(_, volts) => Some(VoltagePart { divider: f64::from(*divider), volts }),
-            Twin::Serial(..) | Twin::Contact(..) => None,
+            Twin::Serial(..) | Twin::Board(_) | Twin::Contact(..) => None,
         });
         let folder = Path::new(P::FOLDER).file_name().unwrap_or_default();
         let board = P::BOARD.to_lowercase();

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::pin::Pin;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
     ArmLink, Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Nanos, Parts, Serial,
-    Tasks, Voltage, WheelMotors, World,
+    SerialConfig, Tasks, Voltage, WheelMotors, World,
 };
 use rc10_time::Micros;
 
@@ -63,6 +63,14 @@ pub struct RemoteLink {
     pub wire: ReceiverWire,
 }
 
+/// What the environment of the other board has of this one's.
+enum Shared<'w> {
+    /// A bus, which has this number there.
+    Bus(u8, &'w rc10_sim::Bus),
+    /// The other end of a serial line.
+    Uart(&'w Serial),
+}
+
 impl Environment {
     /// Builds the environment of a description, with its mistakes, and all chance from `seed`.
     /// Fails if a mistake cannot be made; a motor has no simulated ESC, or is on a missing bus; the
@@ -77,14 +85,14 @@ impl Environment {
         Self::within(World::starting_at(start, seed), description, None)
     }
 
-    /// Builds it within a world, of whose wires it shares one: with the number of the bus that it is here.
+    /// Builds it within a world, of whose wires it shares one.
     fn within(
         mut world: World,
         description: &Description,
-        shared: Option<(u8, &rc10_sim::Bus)>,
+        shared: Option<Shared<'_>>,
     ) -> Result<Self> {
-        let mut wire = |number| match shared {
-            Some((here, wire)) if here == number => wire.another_end(),
+        let mut wire = |number| match &shared {
+            Some(Shared::Bus(here, wire)) if *here == number => wire.another_end(),
             _ => world.add_bus(BusConfig::default()),
         };
         let wires: Vec<_> = (1..=description.buses).map(&mut wire).collect();
@@ -134,9 +142,20 @@ impl Environment {
             added.is_imu_over = description.mistakes.contains(&Mistake::ImuOver);
             base = Some(added);
         }
-        let mut serials = Vec::new();
+        let (mut serials, mut other_end) = (Vec::new(), None);
         for part in &description.serials {
-            let twin = (part.twin)(&mut world, base.as_ref());
+            let baud = description.partner.and_then(|other| other.boards.baud());
+            let twin = match (part.twin, &shared, baud) {
+                (Some(twin), ..) => twin(&mut world, base.as_ref()),
+                (None, Some(Shared::Uart(end)), _) => Ok((*end).clone()),
+                (None, None, Some(baud)) if other_end.is_none() => {
+                    let [here, there] =
+                        world.add_serial_pair(SerialConfig { baud, ..<_>::default() });
+                    other_end = Some(there);
+                    Ok(here)
+                }
+                _ => Err(anyhow!("there is no other board for it on a UART")),
+            };
             serials.push(twin.with_context(|| format!("parts on UARTs, {}", part.label))?);
         }
         let mut contacts = Vec::new();
@@ -166,11 +185,16 @@ impl Environment {
         }
         let mut partner = None;
         // That of the other board is this one.
-        if let (Some(other), None) = (&description.partner, shared) {
-            let [here, there] = other.boards.buses(other.role);
-            let wire = usize::from(here).checked_sub(1).and_then(|at| wires.get(at));
-            let wire = wire.with_context(|| format!("the other board: there is no bus {here}"))?;
-            let around = Self::within(world.another(), &(other.description)(), Some((there, wire)));
+        if let (Some(other), None) = (&description.partner, &shared) {
+            let shared = if let Some([here, there]) = other.boards.buses(other.role) {
+                let wire = usize::from(here).checked_sub(1).and_then(|at| wires.get(at));
+                let wire = wire.with_context(|| format!("the other board: there is no bus {here}"));
+                Shared::Bus(there, wire?)
+            } else {
+                let end = other_end.as_ref();
+                Shared::Uart(end.context("the other board: no `Twin::Board` says at which UART")?)
+            };
+            let around = Self::within(world.another(), &(other.description)(), Some(shared));
             let mut around = around.context("the other board")?;
             // One of the two has the remote.
             operator = operator.or(around.operator.take());
