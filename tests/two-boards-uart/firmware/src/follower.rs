@@ -1,0 +1,5 @@
+//! The following board.
+#![no_std]
+#![no_main]
+
+rc10_board::program!(two_boards_uart::follower::Follower);
