@@ -1,22 +1,31 @@
 //! Two boards on a UART: values, a stop, a cut wire, noise.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 
 use rc10::motor::ArmState;
 use rc10::sim::run::running::Running as _;
 use rc10::sim::run::simulation::Simulation;
 use rc10::sim::simulator::fault::Fault;
+use rc10::sim::simulator::{Nanos, SerialConfig, SerialDevice};
 use rc10::sim::{Robot, Simulated};
 use rc10::tasks::boards::Link;
 use rc10::time::Micros;
-use two_boards_uart::{STATE, leader};
+use two_boards_uart::{STATE, WISH, leader};
 
 /// The leading board with the other one, under faults.
 fn both(faults: &[&str], work: impl FnOnce(&leader::Shared<'_>, &mut Simulation<'_>)) {
+    with(leader::Robot::description(), faults, work);
+}
+
+fn with(
+    world: rc10::sim::Description,
+    faults: &[&str],
+    work: impl FnOnce(&leader::Shared<'_>, &mut Simulation<'_>),
+) {
     let ports = leader::Ports::new();
     let (shared, mut motors) = (leader::Shared::new(&ports), leader::Motors::new());
-    let world = leader::Robot::description();
     let mut robot = Robot::of::<leader::Robot>(world, &shared, &mut motors).unwrap();
     let faults: Vec<Fault<_>> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
     robot.set_faults(&faults).unwrap();
@@ -112,11 +121,7 @@ fn with_a_byte_of_a_hundred_damaged_for_minutes_no_value_is_wrong_and_each_loss_
     both(&[], |shared, simulation| {
         simulation.run_to(millis(1000)).unwrap();
         shared.own.noise.rate.store(1000, Ordering::Relaxed);
-        let (mut stops, mut worst) = (0, Micros::ZERO);
-        for second in 2..=180 {
-            simulation.run_to(millis(1000 * second)).unwrap();
-            let _ = (&mut stops, &mut worst);
-        }
+        simulation.run_to(millis(180_000)).unwrap();
         let damaged = shared.own.noise.damaged.load(Ordering::Relaxed);
         shared.own.noise.rate.store(0, Ordering::Relaxed);
         simulation.run_to(simulation.now() + millis(500)).unwrap();
@@ -132,4 +137,95 @@ fn with_a_byte_of_a_hundred_damaged_for_minutes_no_value_is_wrong_and_each_loss_
         assert_eq!([wrong, gaps], [0.0, lost]);
         assert!(driven(simulation) > millis(45), "it drives");
     });
+}
+
+/// What is there in place of the other board: it sends back what it hears, or else random bytes.
+struct Other {
+    echoes: bool,
+    waiting: VecDeque<u8>,
+    random: u64,
+    next: Nanos,
+}
+
+impl SerialDevice for Other {
+    fn power_on(&mut self, _: Nanos) {}
+
+    fn next_event(&self) -> Option<Nanos> {
+        if self.echoes {
+            return (!self.waiting.is_empty()).then_some(Nanos::ZERO);
+        }
+        Some(self.next)
+    }
+
+    fn advance(&mut self, now: Nanos, send: &mut VecDeque<u8>) {
+        send.append(&mut self.waiting);
+        if !self.echoes {
+            self.random = self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            // Every fourth begins a frame, or seems to.
+            let byte = (self.random >> 33) as u8;
+            send.push_back(if byte.is_multiple_of(4) { 0xE7 } else { byte });
+        }
+        self.next = now + Nanos::new(11_000);
+    }
+
+    fn receive(&mut self, byte: u8, _: Nanos) {
+        self.waiting.extend(Some(byte).filter(|_| self.echoes));
+    }
+}
+
+#[test]
+fn its_own_bytes_and_those_of_another_device_are_not_the_other_board() {
+    let port = SerialConfig { baud: two_boards_uart::BAUD, ..<_>::default() };
+    let other = |echoes| Other { echoes, waiting: <_>::default(), random: 1, next: Nanos::ZERO };
+    let mut world = leader::Robot::description();
+    world.partner = None;
+    for echoes in [true, false] {
+        world.serials[0].twin = Some(if echoes {
+            |world, _| Ok(world.add_serial(port, other(true)))
+        } else {
+            |world, _| Ok(world.add_serial(port, other(false)))
+        });
+        with(world.clone(), &[], |shared, simulation| {
+            simulation.run_to(millis(5000)).unwrap();
+            assert_eq!(shared.own.peer.link(), Link::Lost);
+            assert!(shared.own.peer.read(&STATE).is_none());
+            assert!(shared.own.peer.read(&WISH).is_none());
+            let counters = shared.receptions[0].read();
+            println!("{counters:?}");
+            assert_eq!((counters.frames > 1000, counters.skipped > 400_000), (echoes, !echoes));
+        });
+    }
+}
+
+#[test]
+fn without_a_place_for_it_there_is_no_other_board() {
+    let complaint = |world: rc10::sim::Description| {
+        let made = rc10::sim::Environment::new(&world, 1);
+        made.err().map(|error| format!("{error:#}")).unwrap_or_default()
+    };
+    let mut world = leader::Robot::description();
+    assert_eq!(complaint(world.clone()), "");
+    world.serials.push(world.serials[0]);
+    let words = "parts on UARTs, follower: there is no other board for it on a UART";
+    assert_eq!(complaint(world.clone()), words);
+    world.serials.clear();
+    let words = "the other board: no `Twin::Board` says at which UART";
+    assert_eq!(complaint(world.clone()), words);
+    world = leader::Robot::description();
+    world.partner = None;
+    let words = "parts on UARTs, follower: there is no other board for it on a UART";
+    assert_eq!(complaint(world), words);
+}
+
+#[test]
+fn the_plan_of_a_bus_has_no_frames_between_boards() {
+    let ports = leader::Ports::new();
+    let (shared, mut motors) = (leader::Shared::new(&ports), leader::Motors::new());
+    let world = leader::Robot::description();
+    let robot = Robot::of::<leader::Robot>(world, &shared, &mut motors).unwrap();
+    let mut text = Vec::new();
+    let code = rc10::sim::CommandLine::parse(["rc10", "plan"]).unwrap().run_to(robot, &mut text);
+    let text = String::from_utf8(text).unwrap();
+    assert_eq!(code.unwrap(), 0, "{text}");
+    assert!(text.contains("bus 1: 1 motors") && !text.contains("0x7C"), "{text}");
 }

@@ -24,15 +24,22 @@ struct Scene {
     /// Whether the wire between them is whole.
     is_whole: bool,
     on_wire: Vec<(usize, [u8; BEAT_LEN])>,
+    /// What each board finds in the bytes of a UART, if that is between them.
+    streams: Option<[Stream<FromBoard>; 2]>,
 }
 
 impl Scene {
     fn new() -> Self {
+        Self::over(false)
+    }
+
+    fn over(is_uart: bool) -> Self {
+        let streams = is_uart.then(|| [Stream::new(FromBoard), Stream::new(FromBoard)]);
         let switches = [ArmSwitch::new(), ArmSwitch::new()];
         let bonds = [Role::Leads, Role::Follows];
         let bonds = [0, 1].map(|it| Bond::new(bonds[it], BOARDS.declaration, &switches[it]));
         let (now, links) = (Micros::from_millis(1000), [Link::Lost; 2]);
-        Self { switches, bonds, links, now, is_whole: true, on_wire: Vec::new() }
+        Self { switches, bonds, links, now, is_whole: true, on_wire: Vec::new(), streams }
     }
 
     fn restart(&mut self, board: usize) {
@@ -45,7 +52,7 @@ impl Scene {
         for _ in 0..millis {
             self.now += Micros::from_millis(1);
             for (from, bytes) in std::mem::take(&mut self.on_wire) {
-                self.bonds[1 - from].hear(from as u8, &bytes, self.now);
+                self.hear(1 - from, from as u8, &bytes);
             }
             for board in 0..2 {
                 let (link, beat) = self.bonds[board].step(&self.switches[board], self.now);
@@ -56,12 +63,33 @@ impl Scene {
         self.states()
     }
 
+    fn hear(&mut self, board: usize, place: u8, beat: &[u8]) {
+        if self.streams.is_some() {
+            self.hear_bytes(board, frame::of_board(place, beat).bytes());
+        } else {
+            self.bonds[board].hear(place, beat, self.now);
+        }
+    }
+
+    /// Bytes of any origin come to a board, if it has a UART.
+    fn hear_bytes(&mut self, board: usize, bytes: &[u8]) {
+        let Some(streams) = &mut self.streams else { return };
+        let (bond, now) = (&mut self.bonds[board], self.now);
+        streams[board].receive(bytes, now, |(place, data)| {
+            let _ = bond.hear(place, &data, now);
+        });
+    }
+
     fn states(&self) -> [ArmState; 2] {
         [0, 1].map(|it| self.switches[it].state())
     }
 
     fn armed() -> Self {
-        let mut scene = Self::new();
+        Self::armed_over(false)
+    }
+
+    fn armed_over(is_uart: bool) -> Self {
+        let mut scene = Self::over(is_uart);
         assert_eq!(scene.pass(20), [ArmState::Disarmed; 2]);
         scene.switches[0].arm().unwrap();
         assert_eq!(scene.pass(3), [ArmState::Armed; 2]);
@@ -276,10 +304,10 @@ fn of_random_orders_none_leaves_a_follower_armed_under_another_state() {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         (state >> 33) % below
     };
-    for _ in 0..2000 {
-        let (mut scene, mut acts) = (Scene::armed(), Vec::new());
+    for round in 0..4000 {
+        let (mut scene, mut acts) = (Scene::armed_over(round % 2 == 1), Vec::new());
         for _ in 0..12 {
-            acts.push(random(8));
+            acts.push(random(11));
             match acts[acts.len() - 1] {
                 0 => scene.switches[0].disarm(),
                 1 => drop(scene.switches[0].arm()),
@@ -288,7 +316,25 @@ fn of_random_orders_none_leaves_a_follower_armed_under_another_state() {
                 4 => scene.reset(),
                 5 => scene.is_whole = !scene.is_whole,
                 6 => scene.restart(random(2) as usize),
-                _ => scene.switches[0].suspend(),
+                7 => scene.switches[0].suspend(),
+                // On a UART: the wire is pulled out and plugged in within a frame, noise, what a board sends itself.
+                kind => {
+                    let board = random(2) as usize;
+                    let (_, beat) =
+                        scene.bonds[1 - board].step(&scene.switches[1 - board], scene.now + BEAT);
+                    let mut bytes =
+                        frame::of_board(1 - board as u8, &beat.unwrap()).bytes().to_vec();
+                    match kind {
+                        8 => bytes.truncate(random(16) as usize),
+                        9 => bytes[random(16) as usize] ^= random(255) as u8 + 1,
+                        _ => {
+                            let told =
+                                &scene.bonds[board].step(&scene.switches[board], scene.now + BEAT);
+                            bytes = frame::of_board(board as u8, &told.1.unwrap()).bytes().to_vec();
+                        }
+                    }
+                    scene.hear_bytes(board, &bytes);
+                }
             }
             scene.pass(random(40));
             // What is on the way arrives.
@@ -376,6 +422,153 @@ fn a_topic_leaves_once_a_period_with_its_newest_value() {
         }
     }
     assert_eq!(left, [(100, 100), (105, 105), (110, 110), (115, 115)]);
+    // Told late, and then soon again: the next one is no earlier for that.
+    for (millis, leaves) in [(124, true), (125, false), (128, false), (129, true)] {
+        told.set(&[1]);
+        assert_eq!(told.due(period, Micros::from_millis(millis)).is_some(), leaves, "{millis}");
+    }
+}
+
+#[test]
+fn values_that_a_short_silence_has_taken_are_counted() {
+    let (mut told, mut heard) = (Outgoing::NEW, Incoming::NEW);
+    let (period, mut now) = (Micros::from_millis(5), Micros::from_millis(1000));
+    for silence in [0, 4, 20, 30] {
+        for value in 0..=silence {
+            now += period;
+            told.set(&[7]);
+            let value_told = told.due(period, now).unwrap();
+            if value == silence {
+                if silence > 0 {
+                    heard.start(Micros::new(period.get() * silence), period);
+                }
+                value_told.frames().for_each(|(part, data)| heard.take(part, &data, now));
+            }
+        }
+    }
+    // 30 periods are too long to know how many there were.
+    assert_eq!(heard.lost(), 4 + 20);
+}
+
+/// A UART's bytes as one of another bit rate samples them, bits of the line in its own bits; `None` for a wrong stop bit.
+fn sampled(bytes: &[u8], ratio: f64) -> Vec<Option<u8>> {
+    let bits = |byte: &u8| {
+        let byte = *byte;
+        (0..10).map(move |bit| bit == 9 || bit > 0 && byte >> (bit - 1) & 1 == 1)
+    };
+    // The line rests between two frames.
+    let frames = bytes.chunks(16).flat_map(|frame| {
+        frame.iter().flat_map(bits).chain(core::iter::repeat_n(true, 25)).collect::<Vec<_>>()
+    });
+    let line: Vec<bool> = frames.collect();
+    let level = |at: f64| line.get(at as usize).copied().unwrap_or(true);
+    let (mut at, mut heard) = (0.0, Vec::new());
+    while at < line.len() as f64 {
+        if level(at) {
+            at += 0.125;
+            continue;
+        }
+        let sample = |bit: u32| level(at + (f64::from(bit) + 0.5) / ratio);
+        let byte = (1..9).fold(0, |byte, bit| byte | u8::from(sample(bit)) << (bit - 1));
+        heard.push(sample(9).then_some(byte));
+        at += 9.6 / ratio;
+    }
+    heard
+}
+
+#[test]
+fn at_a_wrong_bit_rate_nothing_is_heard() {
+    let mut bond = Bond::new(Role::Leads, BOARDS.declaration, &ArmSwitch::new());
+    let (switch, mut bytes) = (ArmSwitch::new(), Vec::new());
+    for millis in 0..20_000 {
+        if let (_, Some(beat)) = bond.step(&switch, Micros::from_millis(millis)) {
+            bytes.extend_from_slice(frame::of_board(0, &beat).bytes());
+        }
+    }
+    for (ratio, is_heard) in [
+        (1.0, true),
+        (0.125, false),
+        (0.5, false),
+        (0.8, false),
+        (1.25, false),
+        (2.0, false),
+        (8.0, false),
+    ] {
+        let (mut stream, mut frames) = (Stream::new(FromBoard), 0);
+        for byte in sampled(&bytes, ratio) {
+            match byte {
+                Some(byte) => stream.receive(&[byte], Micros::ZERO, |_| frames += 1),
+                None => stream.interrupt(),
+            }
+        }
+        let counters = stream.counters();
+        assert_eq!(frames, if is_heard { 4000 } else { 0 }, "{ratio}");
+        assert_eq!(counters.skipped + counters.port_errors > 0, !is_heard, "{ratio} {counters:?}");
+    }
+}
+
+#[test]
+fn a_sound_frame_that_is_not_for_a_board_is_no_word_of_the_other() {
+    let (mut stream, mut heard) = (Stream::new(FromBoard), 0);
+    for byte in 0..=255 {
+        let mut writer = frame::Writer::<64>::new();
+        for length in 1..=12 {
+            writer.body(&[byte; 12][..length]);
+            stream.receive(writer.bytes(), Micros::ZERO, |_| heard += 1);
+        }
+    }
+    // None of those begins as a board's does.
+    assert_eq!(heard, 32 * 9);
+}
+
+#[test]
+fn an_arm_state_has_to_leave_a_uart_within_a_millisecond_and_a_half() {
+    // Alone: two of 16 bytes within a millisecond.
+    for (baud, fits) in [(128_000, true), (127_999, false), (0, false)] {
+        assert_eq!(is_in_time_over_uart(baud, &[], Role::Leads), fits, "{baud}");
+    }
+    // Against a line into which all comes as badly as it may.
+    let mut state = 1_u64;
+    let mut random = |below: u64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (state >> 33) % below
+    };
+    let mut fit = 0;
+    for _ in 0..2000 {
+        let topics: Vec<_> = (1..=random(8) as u8)
+            .map(|number| {
+                let period = Micros::from_millis(1 + random(12));
+                TopicEntry { number, from: Role::Leads, period, size: 1 + random(28) as usize }
+            })
+            .collect();
+        let baud = 115_200 + random(1_000_000) as u32;
+        let (mut waiting, mut longest) = (0.0_f64, 0.0_f64);
+        for millis in 0..1000 {
+            // The first one is late by all that it may be.
+            if millis == 0 || (millis + 4) % 5 == 0 {
+                waiting += 16.0;
+            }
+            for topic in &topics {
+                let period = topic.period.get() / 1000;
+                let early = u64::from((millis + 1) % period == 0);
+                let values = if millis == 0 { 1 + u64::from(period == 1) } else { early };
+                waiting += (values as usize * topic.parts() * 17) as f64;
+            }
+            longest = longest.max(waiting * 1e7 / f64::from(baud));
+            waiting = (waiting - f64::from(baud) * 1e-4).max(0.0);
+        }
+        let fits = is_in_time_over_uart(baud, &topics, Role::Leads);
+        assert_eq!(fits, longest <= 1500.0, "{baud} {topics:?}: {longest}");
+        assert!(is_in_time_over_uart(baud.max(128_000), &topics, Role::Follows));
+        fit += u32::from(fits);
+    }
+    assert!((500..1500).contains(&fit), "{fit}");
+}
+
+#[test]
+#[should_panic(expected = "the topics do not fit on the UART of both boards")]
+fn topics_that_need_more_than_a_uart_has_do_not_compile() {
+    let _ = Boards::over_uart(115_200, TOPICS);
 }
 
 #[test]
