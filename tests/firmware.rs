@@ -63,6 +63,8 @@ mod selftest;
 mod sequences;
 #[path = "firmware/swerve.rs"]
 mod swerve_robot;
+#[path = "firmware/two_boards_uart.rs"]
+mod two_boards_on_a_uart;
 #[path = "firmware/two_boards.rs"]
 mod two_boards_robot;
 #[path = "firmware/unread.rs"]

@@ -21,7 +21,7 @@ fn run<R>(faults: &[&str], scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R 
 }
 
 /// How long the wheels are commanded from now on, for at most 40 ms.
-fn driven(emulation: &mut Emulation<'_>) -> Nanos {
+pub(super) fn driven(emulation: &mut Emulation<'_>) -> Nanos {
     let wheels = emulation.partner.as_ref().unwrap().wires[0].clone();
     let begin = emulation.rig.machine.now();
     let _ = wheels.take_trace();

@@ -69,7 +69,8 @@ pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
         fs::copy(elf(package), elf(&format!("{package}-black-box")))
             .with_context(|| format!("cannot copy {package}"))?;
     }
-    for package in robots()?.into_iter().chain(["interop", "selftest"].map(str::to_owned)) {
+    let others = ["interop", "selftest", "two-boards-uart-firmware"].map(str::to_owned);
+    for package in robots()?.into_iter().chain(others) {
         build_with(&package, None, rustc)?;
     }
     build_with(TEAM, None, rustc)

@@ -13,7 +13,6 @@ rc10::robot! {
     own Own;
     serial follower: uart_7 at BAUD, speak;
     motors {
-        buses: [100.0, 100.0];
         Yaw: Dji = Entry::new(Bus(1), Config::new(&GM6020_CURRENT, 1)),
     }
 }
@@ -49,7 +48,11 @@ async fn drive(shared: &Shared<'_>) -> ! {
     let (mut arming, mut every, mut count) = (Arming::of::<Robot>(), Every::millis(10), 0.0);
     loop {
         every.next().await;
-        let speed = shared.obey(&mut arming).map_or(0.0, |remote| 100.0 * remote.left.y);
+        let remote = shared.obey(&mut arming);
+        let speed = remote.map_or(0.0, |remote| 100.0 * remote.left.y);
+        if remote.is_some() {
+            shared.command(Name::Yaw, Target::Speed(Rpm::new(speed)));
+        }
         count += 1.0;
         let _ = shared.own.peer.tell(&WISH, &[speed, count, speed + count]);
     }

@@ -139,6 +139,25 @@ fn with_a_byte_of_a_hundred_damaged_for_minutes_no_value_is_wrong_and_each_loss_
     });
 }
 
+#[test]
+fn a_stop_gets_through_noise_and_nothing_else_does() {
+    let mut longest = Micros::ZERO;
+    for phase in 0..50 {
+        both(&[], |shared, simulation| {
+            simulation.run_to(Micros::new(600_000 + 101 * phase)).unwrap();
+            // One byte of thirty: every second arm state.
+            shared.own.noise.rate.store(3300, Ordering::Relaxed);
+            simulation.run_to(simulation.now() + millis(200 + phase)).unwrap();
+            shared.switch.emergency_stop();
+            longest = longest.max(driven(simulation));
+            shared.own.noise.rate.store(50_000, Ordering::Relaxed);
+            assert_eq!(driven(simulation), Micros::ZERO);
+        });
+    }
+    println!("in noise the wheel is commanded for {longest} behind a stop");
+    assert!(longest > Micros::ZERO && longest <= millis(20), "{longest}");
+}
+
 /// What is there in place of the other board: it sends back what it hears, or else random bytes.
 struct Other {
     echoes: bool,
@@ -175,15 +194,19 @@ impl SerialDevice for Other {
 
 #[test]
 fn its_own_bytes_and_those_of_another_device_are_not_the_other_board() {
-    let port = SerialConfig { baud: two_boards_uart::BAUD, ..<_>::default() };
-    let other = |echoes| Other { echoes, waiting: <_>::default(), random: 1, next: Nanos::ZERO };
+    fn port() -> SerialConfig {
+        SerialConfig { baud: two_boards_uart::BAUD, ..<_>::default() }
+    }
+    fn other(echoes: bool) -> Other {
+        Other { echoes, waiting: <_>::default(), random: 1, next: Nanos::ZERO }
+    }
     let mut world = leader::Robot::description();
     world.partner = None;
     for echoes in [true, false] {
         world.serials[0].twin = Some(if echoes {
-            |world, _| Ok(world.add_serial(port, other(true)))
+            |world, _| Ok(world.add_serial(port(), other(true)))
         } else {
-            |world, _| Ok(world.add_serial(port, other(false)))
+            |world, _| Ok(world.add_serial(port(), other(false)))
         });
         with(world.clone(), &[], |shared, simulation| {
             simulation.run_to(millis(5000)).unwrap();
@@ -200,7 +223,7 @@ fn its_own_bytes_and_those_of_another_device_are_not_the_other_board() {
 #[test]
 fn without_a_place_for_it_there_is_no_other_board() {
     let complaint = |world: rc10::sim::Description| {
-        let made = rc10::sim::Environment::new(&world, 1);
+        let made = rc10::sim::world::environment::Environment::new(&world, 1);
         made.err().map(|error| format!("{error:#}")).unwrap_or_default()
     };
     let mut world = leader::Robot::description();
