@@ -527,6 +527,13 @@ fn an_arm_state_has_to_leave_a_uart_within_a_millisecond_and_a_half() {
     for (baud, fits) in [(128_000, true), (127_999, false), (0, false)] {
         assert_eq!(is_in_time_over_uart(baud, &[], Role::Leads), fits, "{baud}");
     }
+    // As the page of two boards says: frames of a board that leave at once.
+    for (baud, most) in [(921_600, 7), (460_800, 3), (230_400, 1), (115_200, 0)] {
+        let period = Micros::from_millis(100);
+        let topics = [TopicEntry { number: 1, from: Role::Leads, period, size: 7 }; 8];
+        let fits = |frames: usize| is_in_time_over_uart(baud, &topics[..frames], Role::Leads);
+        assert!((fits(most) || most == 0) && !fits(most + 1), "{baud}");
+    }
     // Against a line into which all comes as badly as it may.
     let mut state = 1_u64;
     let mut random = |below: u64| {
