@@ -1,6 +1,7 @@
 //! Two boards on a UART, for tests: the leading one has the remote, the following one a wheel.
 #![cfg_attr(not(feature = "sim"), no_std)]
 #![forbid(unsafe_code)]
+#![allow(clippy::float_cmp, reason = "a value comes as it was told, bit for bit")]
 
 pub mod follower;
 pub mod leader;

@@ -1,5 +1,6 @@
 //! Two boards on a UART: values, a stop, a cut wire, noise.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::float_cmp, reason = "counts, which are exact")]
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
