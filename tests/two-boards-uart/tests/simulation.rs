@@ -182,7 +182,7 @@ impl SerialDevice for Other {
         if !self.echoes {
             self.random = self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             // Every fourth begins a frame, or seems to.
-            let byte = (self.random >> 33) as u8;
+            let byte = (self.random >> 33).to_le_bytes()[0];
             send.push_back(if byte.is_multiple_of(4) { 0xE7 } else { byte });
         }
         self.next = now + Nanos::new(11_000);
