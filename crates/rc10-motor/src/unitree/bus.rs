@@ -189,6 +189,14 @@ impl<'m> Rs485Bus<'m> {
         Ok(self)
     }
 
+    /// With the reply time-out of a PC behind a USB adapter, which hands bytes over late: 5 ms. A motor that does not
+    /// reply holds up the others as long.
+    #[must_use]
+    pub const fn behind_usb(mut self) -> Self {
+        self.line.reply_timeout = Micros::from_millis(5);
+        self
+    }
+
     /// Adds a motor.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! `rc10 drive`: the robot's tasks on this PC, on real buses, with the page of `rc10 live`.
+//! `rc10 drive`: the robot's tasks on this PC, on real buses and lines, with the page of `rc10 live`.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -10,14 +10,23 @@ use rc10_time::Micros;
 use crate::args::{pace, seconds};
 use crate::live::page::{LiveArgs, live};
 use crate::live::{PlaceArgs, SourceArgs, ViewerArgs};
+use crate::robot::remote::Receiver;
+use crate::world::environment::Real;
 use crate::world::robot::Robot;
 
 /// Arguments of `rc10 drive`.
 #[derive(Args, Debug)]
 pub struct DriveArgs {
     /// A bus of the robot, and the adapter at it: 1=/dev/ttyACM0, 1=COM3, 1=tcp:HOST:PORT, on Linux 1=can0; again for each bus
-    #[arg(long = "bus", value_name = "N=ADAPTER", required = true, value_parser = adapter)]
+    #[arg(long = "bus", value_name = "N=ADAPTER", required_unless_present = "lines", value_parser = adapter)]
     pub buses: Vec<(u8, String)>,
+    /// An RS-485 line of the robot, and the serial port of the adapter at it: 1=/dev/ttyUSB0, 1=COM4; again for each line
+    #[arg(long = "line", value_name = "N=PORT", value_parser = adapter)]
+    pub lines: Vec<(u8, String)>,
+    /// The robot's own receiver at a serial port, in place of the page's remote: /dev/ttyUSB1; sbus=/dev/ttyUSB1: another
+    /// receiver than the robot names
+    #[arg(long, value_name = "[RECEIVER=]PORT", value_parser = receiver)]
+    pub remote: Option<(Option<Receiver>, String)>,
     /// The page's port on this PC; 0 is any that is free
     #[arg(long, value_name = "N", default_value_t = 8010)]
     pub page: u16,
@@ -44,10 +53,23 @@ fn adapter(text: &str) -> Result<(u8, String)> {
     Ok((bus, at.to_owned()))
 }
 
+fn receiver(text: &str) -> Result<(Option<Receiver>, String)> {
+    let Some((name, at)) = text.split_once('=') else { return Ok((None, text.into())) };
+    let named = Receiver::ALL.into_iter().find(|it| it.name().eq_ignore_ascii_case(name));
+    Ok((Some(named.context("there is no such receiver: dr16, sbus, crsf or vt03")?), at.into()))
+}
+
 /// Drives the robot until Ctrl-C, and leaves its motors without torque. Fails as [`live`] does, for a robot without a
 /// remote, and if an adapter cannot be opened.
-pub fn drive(args: &DriveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let real = args.buses.clone();
+pub fn drive(args: &DriveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let of = |all: &[(u8, String)], what: fn(u8) -> Real| -> Vec<_> {
+        all.iter().map(|(number, at)| (what(*number), at.clone())).collect()
+    };
+    let mut real = [of(&args.buses, Real::Bus), of(&args.lines, Real::Line)].concat();
+    if let Some((other, at)) = &args.remote {
+        other.map_or(Ok(()), |it| robot.set_remote(it))?;
+        real.push((Real::Receiver, at.clone()));
+    }
     let at = PlaceArgs { place: None, named: SourceArgs { real, ..SourceArgs::default() } };
     let &DriveArgs { page, open, pace, seconds, .. } = args;
     let (out_to, kept, viewers) = (args.out.clone(), args.kept.clone(), ViewerArgs::default());

@@ -4,21 +4,41 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, ensure};
+use rc10_module::remote::{Parity, SerialSettings};
 
 use crate::args::address;
 
 /// Bytes in both directions; a read waits for a few milliseconds.
-pub(super) trait Port: Read + Write + Send {}
-impl<T: Read + Write + Send> Port for T {}
+pub(super) trait Port: Read + Write + Send {
+    /// Bytes that were written and have not left, if the system says so.
+    fn unsent(&self) -> u32 {
+        0
+    }
+}
+impl Port for TcpStream {}
+impl Port for Box<dyn serialport::SerialPort> {
+    fn unsent(&self) -> u32 {
+        self.bytes_to_write().unwrap_or(0)
+    }
+}
 
 /// Time limit for a serial server to connect, and to take what is sent.
 const CONNECTS: Duration = Duration::from_millis(1000);
 const TAKES: Duration = Duration::from_millis(200);
 
+/// Settings of a serial port without parity.
+pub(super) const fn plain(baud: u32) -> SerialSettings {
+    SerialSettings { baud, parity: Parity::None, stop_bits: 1, inverted: false }
+}
+
 /// Opens a serial port, or tcp:HOST:PORT. A read waits for this time.
-pub(super) fn open_port(name: &str, baud: u32, patience: Duration) -> Result<Box<dyn Port>> {
-    let Some(text) = name.strip_prefix("tcp:") else { return serial(name, baud, patience) };
+pub(super) fn open_port(
+    name: &str,
+    settings: SerialSettings,
+    patience: Duration,
+) -> Result<Box<dyn Port>> {
+    let Some(text) = name.strip_prefix("tcp:") else { return serial(name, settings, patience) };
     let stream = TcpStream::connect_timeout(&address(text).context("tcp:HOST:PORT")?, CONNECTS);
     with_limits(stream.with_context(|| format!("{name}: nothing answers there"))?, patience)
 }
@@ -34,11 +54,22 @@ pub(super) fn with_limits(stream: TcpStream, patience: Duration) -> Result<Box<d
     Ok(Box::new(stream))
 }
 
-fn serial(name: &str, baud: u32, patience: Duration) -> Result<Box<dyn Port>> {
-    match serialport::new(name, baud).timeout(patience).open() {
-        Ok(port) => Ok(Box::new(port)),
-        Err(error) => bail!("{}", refusal(name, &error)),
-    }
+fn serial(name: &str, settings: SerialSettings, patience: Duration) -> Result<Box<dyn Port>> {
+    use serialport::{Parity as Bit, StopBits};
+    let SerialSettings { baud, parity, stop_bits, .. } = settings;
+    let parity = if parity == Parity::Even { Bit::Even } else { Bit::None };
+    let stop_bits = if stop_bits == 2 { StopBits::Two } else { StopBits::One };
+    let port = serialport::new(name, baud).parity(parity).stop_bits(stop_bits).timeout(patience);
+    let port = port.open().map_err(|error| anyhow!("{}", refusal(name, &error)))?;
+    fits(name, baud, port.baud_rate().unwrap_or(baud))?;
+    Ok(Box::new(port))
+}
+
+/// Some adapters take the nearest rate that they have, and say which.
+fn fits(name: &str, asked: u32, has: u32) -> Result<()> {
+    let fits = asked.abs_diff(has) <= asked / 33;
+    ensure!(fits, "{name}: it has {has} bits a second, not {asked}: another adapter is needed");
+    Ok(())
 }
 
 /// Why a serial port cannot be opened, and what helps.
@@ -62,5 +93,20 @@ fn refusal(name: &str, error: &serialport::Error) -> String {
         }
         _ if text.contains("busy") => format!("{name}: another program has it open"),
         _ => format!("{name}: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_that_an_adapter_has_not_is_told() {
+        let told = |asked, has| fits("COM4", asked, has).err().map(|why| why.to_string());
+        assert_eq!(told(100_000, 100_000), None);
+        // An FT232R's 13/4 of 3 MHz.
+        assert_eq!(told(921_600, 923_077), None);
+        let why = "COM4: it has 115200 bits a second, not 100000: another adapter is needed";
+        assert_eq!(told(100_000, 115_200).as_deref(), Some(why));
     }
 }

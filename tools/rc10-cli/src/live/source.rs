@@ -10,9 +10,9 @@ use clap::Args;
 use rc10_time::Micros;
 
 use crate::args::{Injected, seed};
-use crate::live::drive::{Driven, open_adapters};
+use crate::live::drive::{Driven, check_adapters};
 use crate::live::line::{RobotConnection, Source};
-use crate::live::port::{Port, open_port, with_limits};
+use crate::live::port::{Port, open_port, plain, with_limits};
 use crate::live::reach::{self, LocalRobot};
 use crate::live::shared::Shared;
 use crate::robot::build::Wanted;
@@ -22,6 +22,7 @@ use crate::run::running::Running;
 use crate::run::simulation::Simulation;
 use crate::terminal::tell;
 use crate::world::console::{BAUD, ConsoleLine};
+use crate::world::environment::Real;
 use crate::world::robot::Robot;
 
 /// Choice of a robot that runs.
@@ -52,9 +53,9 @@ pub struct SourceArgs {
     pub seed: u64,
     #[command(flatten)]
     pub(crate) injected: Injected,
-    /// Buses that are real, with their adapters: the robot's tasks run here.
+    /// What is real, with its adapter: the robot's tasks run here.
     #[arg(skip)]
-    pub(crate) real: Vec<(u8, String)>,
+    pub(crate) real: Vec<(Real, String)>,
 }
 
 /// Choice of the robot's connection, with its port as the first argument.
@@ -135,7 +136,7 @@ impl RunningArgs {
                 let stream = robot.with_context(|| format!("{port} has ended"))?.connect()?;
                 return with_limits(stream, PATIENCE);
             }
-            open_port(&port, baud, PATIENCE)
+            open_port(&port, plain(baud), PATIENCE)
         };
         Ok(RobotConnection { source: Box::new(Wire::new(open)?), name, baud, is_real: true })
     }
@@ -173,22 +174,22 @@ impl SourceArgs {
         self.running.open(&robot)
     }
 
-    /// A robot that runs here, on real buses. Fails if an adapter cannot be opened, or nothing could arm it.
+    /// A robot that runs here, at adapters. Fails if an adapter cannot be opened, or nothing could arm it.
     fn on_adapters<'r>(&self, mut robot: Robot<'r>, pace: f64) -> Result<RobotConnection<'r>> {
-        let (baud, switch) = (self.running.baud_of(&robot), robot.ports().switch);
+        let (baud, ports) = (self.running.baud_of(&robot), robot.ports());
         robot.fit(false)?;
         let description = robot.description();
         ensure!(
             description.remote.is_some(),
             "this robot has no remote in its table: nothing could arm it"
         );
-        let adapters = open_adapters(&self.real, description.buses)?;
-        let names: Vec<_> =
-            adapters.iter().map(|it| format!("bus {} at {}", it.bus, it.at)).collect();
+        check_adapters(&self.real, description)?;
+        let names: Vec<_> = self.real.iter().map(|(what, at)| format!("{what} at {at}")).collect();
         let name = format!("the robot on this PC, {}", names.join(", "));
-        let real = adapters.iter().map(|it| (it.bus, it.host.clone())).collect();
-        let robot = Simulation::with(robot, 1, Some(baud), real)?;
-        let source = Box::new(Driven::new(robot, adapters, switch, pace)?);
+        let real: Vec<_> = self.real.iter().map(|(what, _)| *what).collect();
+        let robot = Simulation::with(robot, 1, Some(baud), &real)?;
+        let ends = robot.around.real.clone();
+        let source = Box::new(Driven::new(robot, &self.real, &ends, ports, pace)?);
         Ok(RobotConnection { source, name, baud, is_real: false })
     }
 

@@ -1,7 +1,5 @@
 //! A robot in the simulator: its own tasks, against simulated motors on simulated wires.
 
-use std::collections::BTreeMap;
-
 use anyhow::{Result, bail, ensure};
 use rc10_emu::fault::{ChipFault, Kind};
 use rc10_module::Reception;
@@ -11,7 +9,6 @@ use rc10_sim::{Base, Bus, Esc, Faults, Tasks, TraceEntry};
 use rc10_tasks::seen::Whole;
 use rc10_time::Micros;
 
-use crate::formats::slcan::host::HostPort;
 use crate::recording::look::{BusLook, Moment, RobotLook};
 use crate::recording::sample::NOWHERE;
 use crate::robot::description::Description;
@@ -19,7 +16,7 @@ use crate::robot::operator::Operator;
 use crate::run::running::Running;
 use crate::run::watch::Sight;
 use crate::world::console::ConsoleLine;
-use crate::world::environment::{Environment, rounded_up};
+use crate::world::environment::{Environment, Real, rounded_up};
 use crate::world::inputs::Written;
 use crate::world::ports::Ports;
 use crate::world::robot::Robot;
@@ -43,15 +40,15 @@ impl<'r> Simulation<'r> {
     /// Fails if the robot is not as described, has no console though there is to be one, or its
     /// environment cannot be built.
     pub fn new(robot: Robot<'r>, seed: u64, console: Option<u32>) -> Result<Self> {
-        Self::with(robot, seed, console, BTreeMap::new())
+        Self::with(robot, seed, console, &[])
     }
 
-    /// The same, with these buses real ones.
+    /// The same, in which this is real.
     pub(crate) fn with(
         robot: Robot<'r>,
         seed: u64,
         console: Option<u32>,
-        real: BTreeMap<u8, HostPort>,
+        real: &[Real],
     ) -> Result<Self> {
         ensure!(
             console.is_none() || robot.has_console(),
@@ -64,7 +61,7 @@ impl<'r> Simulation<'r> {
             around = around.with_console(baud);
         }
         if !real.is_empty() {
-            around.leave_to(real);
+            around.leave_to(real.iter().copied());
         }
         let faults = around.faults(&description)?;
         let inputs = robot.inputs;

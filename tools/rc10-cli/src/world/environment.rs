@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::fmt;
 use std::pin::Pin;
 
 use anyhow::{Context, Result, anyhow, ensure};
@@ -48,8 +49,33 @@ pub struct Environment {
     pub console: Option<ConsoleLine>,
     /// That of the robot's other board, in the same world.
     pub partner: Option<Box<Self>>,
-    /// Buses that are no simulated wires, by their numbers: [`leave_to`](Self::leave_to).
-    pub(crate) real: BTreeMap<u8, HostPort>,
+    /// What is not simulated: [`leave_to`](Self::leave_to).
+    pub(crate) real: BTreeMap<Real, RealEnd>,
+}
+
+/// What of a robot may be real, at an adapter of this PC.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Real {
+    Bus(u8),
+    Line(u8),
+    Receiver,
+}
+
+/// The adapter's end of it.
+#[derive(Clone)]
+pub(crate) enum RealEnd {
+    Frames(HostPort),
+    Bytes(ConsoleLine),
+}
+
+impl fmt::Display for Real {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bus(number) => write!(f, "bus {number}"),
+            Self::Line(number) => write!(f, "line {number}"),
+            Self::Receiver => f.write_str("remote"),
+        }
+    }
 }
 
 /// A remote, and its receiver at the end of a wire.
@@ -246,11 +272,26 @@ impl Environment {
         self
     }
 
-    /// Leaves only the remote of this world: buses with these numbers are real, and all else is not there.
-    pub(crate) fn leave_to(&mut self, real: BTreeMap<u8, HostPort>) {
+    /// Leaves only the remote of this world, unless it is real, too: all else that is not real is not there.
+    pub(crate) fn leave_to(&mut self, real: impl IntoIterator<Item = Real>) {
         self.motors.iter().for_each(|twin| twin.set_power(false));
         self.serials.iter().for_each(|part| part.set_cut(true));
-        (self.base, self.real, self.partner) = (None, real, None);
+        (self.base, self.partner) = (None, None);
+        for real in real {
+            let end = if matches!(real, Real::Bus(_)) {
+                RealEnd::Frames(HostPort::default())
+            } else {
+                // The adapter's bit rate has spaced the bytes.
+                RealEnd::Bytes(ConsoleLine::new(&mut self.world, LineConfig::default().baud))
+            };
+            if let (Real::Receiver, RealEnd::Bytes(line), Some(remote)) =
+                (real, &end, &mut self.remote)
+            {
+                remote.wire = ReceiverWire::Serial(line.serial().clone());
+                self.operator = None;
+            }
+            self.real.insert(real, end);
+        }
     }
 
     /// Runs the robot's tasks and its operator up to a time; time goes on also without tasks.

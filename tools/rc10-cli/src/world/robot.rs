@@ -29,7 +29,7 @@ use crate::robot::remote::{Receiver, ReceiverPort};
 use crate::robot::signal::Signal;
 use crate::world::built::Built;
 use crate::world::console::ConsolePort;
-use crate::world::environment::Environment;
+use crate::world::environment::{Environment, Real, RealEnd};
 use crate::world::hang;
 use crate::world::inputs::Written;
 use crate::world::kept::KeptFlash;
@@ -464,9 +464,9 @@ impl<'r> Robot<'r> {
             if let Some(inputs) = self.inputs {
                 shared.record(inputs, number - 1);
             }
-            match around.real.get(&number) {
-                Some(port) => tasks.add(run_bus(port.clone(), bus, shared)),
-                None => tasks.add(run_bus(wire.port(), bus, shared)),
+            match around.real.get(&Real::Bus(number)) {
+                Some(RealEnd::Frames(port)) => tasks.add(run_bus(port.clone(), bus, shared)),
+                _ => tasks.add(run_bus(wire.port(), bus, shared)),
             }
         }
         let lines = self.lines.into_iter().zip(self.ports.lines);
@@ -474,7 +474,12 @@ impl<'r> Robot<'r> {
             if let Some(inputs) = self.inputs {
                 shared.record(inputs, FIRST_LINE + number);
             }
-            tasks.add(run_rs485(wire.port(), line, shared));
+            match around.real.get(&Real::Line(number + 1)) {
+                Some(RealEnd::Bytes(end)) => {
+                    tasks.add(run_rs485(end.serial().port(), line.behind_usb(), shared));
+                }
+                _ => tasks.add(run_rs485(wire.port(), line, shared)),
+            }
         }
         let mut own = self.tasks;
         if let (Some(listen), Some(remote)) = (self.listen, &around.remote) {
