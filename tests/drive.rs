@@ -1,5 +1,8 @@
 //! `rc10 drive`: the robot's tasks in one program, its motors in another, an slcan adapter between.
 
+#[cfg(target_os = "linux")]
+mod serial;
+
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Stdio};
@@ -184,12 +187,18 @@ fn have_no_torque(motors: &Motors) -> bool {
 fn is_driven(motors: &Motors, page: u16) -> Hand {
     until("the robot knows itself", || state(page)["whole"] == true);
     let hand = Hand::take(page);
+    is_driven_by(page, |stick, switch| hand.hold(stick, switch), || turn(motors));
+    hand
+}
+
+/// Arms and drives with left stick and right switch, until this turns.
+fn is_driven_by(page: u16, hold: impl Fn(f64, i8), turns: impl Fn() -> bool) {
     until("the wheels turn", || {
         // Its own rule: through where it disarms. It is disarmed again if a word of the hand comes too late.
-        hand.hold(0.0, -1);
+        hold(0.0, -1);
         until("it is disarmed", || arm_state(page) == Some(0));
         sleep(Duration::from_secs(4));
-        hand.hold(0.0, 0);
+        hold(0.0, 0);
         let comes = |is_so: &dyn Fn() -> bool| {
             (0..300).any(|_| {
                 sleep(Duration::from_millis(100));
@@ -199,10 +208,9 @@ fn is_driven(motors: &Motors, page: u16) -> Hand {
         if !comes(&|| arm_state(page) == Some(1)) {
             return false;
         }
-        hand.hold(0.5, 0);
-        comes(&|| turn(motors))
+        hold(0.5, 0);
+        comes(&turns)
     });
-    hand
 }
 
 #[test]
