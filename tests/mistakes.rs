@@ -48,11 +48,7 @@ fn a_mistake_that_sensors_know_is_named() {
         ("radius:x0.5", RADIUS, "the wheels' radius were 0.50 times that of the table"),
         ("radius:x1.1", RADIUS, "the wheels' radius were 1.10 times that of the table"),
         ("track:x1.5", RADIUS, "wheelbase and track together 1.2"),
-        (
-            "imu:over",
-            "robot: IMU is upside down",
-            "the IMU were mounted upside down",
-        ),
+        ("imu:over", "robot: IMU is upside down", "the IMU were mounted upside down"),
         // They follow their commands though the floor drags them: the IMU alone sees something of it.
         (
             "swap:wheel-front-l,wheel-rear-l",

@@ -76,7 +76,8 @@ impl SerialDevice for Hwt101 {
     fn advance(&mut self, now: Nanos, send: &mut VecDeque<u8>) {
         self.next = now + self.period;
         let (pose, twist, sign) = (self.base.pose(), self.base.twist(), self.base.imu_sign());
-        let turn_rate = (sign * twist.yaw.to_degrees() / 2000.0 * 32_768.0).clamp(-32_768.0, 32_767.0);
+        let turn_rate =
+            (sign * twist.yaw.to_degrees() / 2000.0 * 32_768.0).clamp(-32_768.0, 32_767.0);
         // One turn is 65536, and the angle wraps at half of it.
         let turns = sign * (pose.yaw - self.zero) / (2.0 * PI);
         let yaw = (turns - turns.round()) * 65_536.0;

@@ -69,7 +69,10 @@ impl Built {
                 (self.motors[second].on, self.motors[second].device) = one;
             }
             Mistake::ImuOver => {
-                ensure!(description.yaw.is_some(), "the robot says no yaw of an IMU (`Description::yaw`)");
+                ensure!(
+                    description.yaw.is_some(),
+                    "the robot says no yaw of an IMU (`Description::yaw`)"
+                );
             }
             Mistake::Mass(factor) => {
                 let chassis = self.chassis.take().context(NO_BASE)?;
