@@ -316,8 +316,8 @@ fn wrong_adapters_are_told() {
     };
     for (arguments, words) in [
         (vec![], "--bus <N=ADAPTER>"),
-        (vec!["--bus".into(), "/dev/ttyACM0".into()], "it is to be BUS=ADAPTER"),
-        (vec!["--bus=1=".into()], "it is to be BUS=ADAPTER"),
+        (vec!["--bus".into(), "/dev/ttyACM0".into()], "it is to be N=PORT, such as 1=/dev/ttyACM0"),
+        (vec!["--bus=1=".into()], "it is to be N=PORT, such as 1=/dev/ttyACM0"),
         (vec![format!("--bus=4={there}")], "--bus 4: the robot has buses 1 to 3"),
         (vec![format!("--bus=0={there}")], "--bus 0: the robot has buses 1 to 3"),
         (vec![format!("--bus=1={there}"), format!("--bus=2={there}")], "one adapter for each bus"),

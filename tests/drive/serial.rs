@@ -33,6 +33,7 @@ mod legs {
     use rc10::sim::prelude::*;
 
     rc10::robot! {
+        board Legs;
         line rs485 at 4_000_000, replies in Micros::new(200);
         motors {
             Left: GoM8010 = Entry::new(Line(1), LineConfig::new(0)),
@@ -371,7 +372,7 @@ fn wrong_lines_and_receivers_are_told() {
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
     };
     for (arguments, words) in [
-        (vec!["--line=/dev/ttyUSB0".into()], "it is to be BUS=ADAPTER"),
+        (vec!["--line=/dev/ttyUSB0".into()], "it is to be N=PORT, such as 1=/dev/ttyACM0"),
         (vec![format!("--line=2={there}")], "--line 2: the robot has lines 1 to 1"),
         (vec![format!("--line=0={there}")], "--line 0: the robot has lines 1 to 1"),
         (vec!["--line=1=tcp:127.0.0.1:1".into()], "a line needs a serial port of this PC"),
