@@ -48,8 +48,10 @@ fn a_part_that_the_chip_never_reads_is_told() {
     let twin = |world: &mut rc10_sim::World, base: Option<&rc10_sim::Base>| {
         Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base.unwrap(), Nanos::ZERO)))
     };
-    let (code, text) =
-        emulated("unread", &[imu, SerialPart { label: "wall", uart: 10, twin: Some(twin) }]);
+    let (code, text) = emulated(
+        "unread",
+        &[imu, SerialPart { label: "wall", uart: 10, baud: 115_200, twin: Some(twin) }],
+    );
     assert_eq!(code, 3, "{text}");
     assert!(text.contains("✗ 1 problem\n  wall: never read by the chip"), "{text}");
 }

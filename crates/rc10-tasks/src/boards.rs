@@ -30,7 +30,7 @@ use core::marker::PhantomData;
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_time::{Duration, Ticker};
+use embassy_time::{Duration, Ticker, with_timeout};
 use embedded_io_async::{Read, Write};
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, IdPattern};
@@ -64,6 +64,8 @@ const IDS: u16 = 4 * (MOST as u16 + 1);
 const LATEST: u32 = 2000;
 /// The same over a UART: a board that sends as much itself takes it as much later.
 const LATEST_OVER_UART: u64 = 1500;
+/// A UART takes what a board tells at once within this time.
+const TAKES: Duration = Duration::from_millis(2);
 /// Bits of a byte on a UART.
 const BITS: u64 = 10;
 /// Bytes of a topic's frame on a UART: its place and eight of data.
@@ -213,8 +215,11 @@ impl Boards {
         }
     }
 
-    /// A plan of that bus with the frames between the boards.
+    /// A plan of that bus with the frames between the boards, if they are on one.
     pub const fn in_plan(&self, motors: Plan) -> Plan {
+        if self.baud.is_some() {
+            return motors;
+        }
         with_frames(motors, self.first, self.topics)
     }
 
@@ -507,7 +512,11 @@ impl Peer {
     }
 
     /// The same over a UART: a `serial` of the declaration is listened to by it. Damaged frames, bytes between frames and
-    /// errors of the port are counted in `reception`.
+    /// errors of the port are counted in `reception`; what the port does not take within two milliseconds, in
+    /// [`unsent`](Self::unsent).
+    ///
+    /// # Panics
+    /// If they are declared for a bus.
     pub async fn run_over<N: Names, OWN>(
         &self,
         shared: &Common<'_, N, OWN>,
@@ -516,6 +525,7 @@ impl Peer {
         reception: &Reception,
         port: impl Read + Write,
     ) -> ! {
+        assert!(boards.baud.is_some(), "boards on a bus speak by `run`");
         let mut port = port;
         let mut bond = self.begin(boards, role, shared);
         let (mut stream, mut bytes) = (Stream::new(FromBoard), [0; 64]);
@@ -540,7 +550,9 @@ impl Peer {
             self.turn(boards, &mut bond, shared, |place, data| {
                 told.extend_from_slice(frame::of_board(place, data).bytes()).is_ok()
             });
-            if !told.is_empty() && port.write_all(&told).await.is_err() {
+            // A port that does not take it keeps no stop from being heard.
+            let took = with_timeout(TAKES, port.write_all(&told)).await;
+            if !matches!(took, Ok(Ok(()))) {
                 self.with(|state| state.unsent = state.unsent.saturating_add(1));
             }
         }
@@ -600,7 +612,7 @@ impl Peer {
             if let Some(silence) = bond.hear(part, data, at) {
                 self.with(|state| {
                     for TopicEntry { number, period, .. } in boards.topics {
-                        state.incoming[usize::from(*number) - 1].start(silence, *period);
+                        state.incoming[usize::from(*number) - 1].start(silence, *period, at);
                     }
                 });
             }

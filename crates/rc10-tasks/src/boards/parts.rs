@@ -102,8 +102,9 @@ impl Incoming {
         Some((&self.whole[..self.whole_len], self.at?))
     }
 
-    /// The other board is heard anew. Behind a silence of many periods its numbers say nothing.
-    pub(super) fn start(&mut self, silence: Micros, period: Micros) {
+    /// The other board is heard anew. Behind many periods without a value, of one silence or several, its numbers say nothing.
+    pub(super) fn start(&mut self, silence: Micros, period: Micros, at: Micros) {
+        let silence = self.at.map_or(silence, |since| silence.max(at.since(since)));
         let values = silence.get() / period.get();
         (self.is_numbered, self.come) = (self.is_numbered && values < MISSED, 0);
     }

@@ -49,7 +49,9 @@ pub struct DriveArgs {
 
 fn adapter(text: &str) -> Result<(u8, String)> {
     let both = text.split_once('=').and_then(|(bus, at)| Some((bus.parse().ok()?, at)));
-    let (bus, at) = both.filter(|(_, at)| !at.is_empty()).context("it is to be N=PORT, such as 1=/dev/ttyACM0")?;
+    let (bus, at) = both
+        .filter(|(_, at)| !at.is_empty())
+        .context("it is to be N=PORT, such as 1=/dev/ttyACM0")?;
     Ok((bus, at.to_owned()))
 }
 

@@ -43,6 +43,8 @@ const AGAIN: Duration = Duration::from_millis(200);
 const NAP: Duration = Duration::from_secs(1);
 /// Steps in which a robot that ends tells its motors so.
 const LAST: u32 = 30;
+/// Most milliseconds for which the adapter at a line may keep what it hears.
+const KEPT: u32 = 2;
 /// Where Linux has the settings of USB adapters.
 const USB: &str = "/sys/bus/usb-serial/devices";
 
@@ -59,7 +61,7 @@ struct Adapter {
     /// What it has not taken yet, and what the robot has begun to say on a line.
     out: Vec<u8>,
     begun: Vec<u8>,
-    /// Bytes that came, commands to a line that were too late to leave, and times without it: not of a bus.
+    /// Bytes that came, commands to a line that were too late to leave, and times without it.
     heard: u64,
     late: u64,
     gone: u64,
@@ -72,13 +74,6 @@ struct Adapter {
 impl Adapter {
     fn open(what: Real, at: &str, end: RealEnd, settings: SerialSettings) -> Result<Self> {
         let port = open_adapter(what, at, settings)?;
-        if !matches!(what, Real::Bus(_))
-            && let Some(kept) = latency(Path::new(USB), at).filter(|it| *it > 1)
-        {
-            tell(format_args!(
-                "{what}: {at} keeps what it hears for {kept} ms: echo 1 | sudo tee {USB}/NAME/latency_timer"
-            ));
-        }
         if settings.inverted {
             tell(format_args!(
                 "{what}: this receiver is inverted, and no setting of a serial port turns it round: it needs an \
@@ -145,7 +140,9 @@ impl Adapter {
             self.seek();
         }
         let (mut buffer, mut bytes) = ([0; 4096], Vec::new());
-        while let Some(port) = &mut self.port {
+        // What comes without end is read on in the next step.
+        for _ in 0..16 {
+            let Some(port) = &mut self.port else { break };
             match port.read(&mut buffer) {
                 Ok(count @ 1..) => bytes.extend(&buffer[..count]),
                 Ok(0) => self.lose(&ErrorKind::UnexpectedEof.into()),
@@ -211,7 +208,20 @@ fn open_adapter(what: Real, at: &str, settings: SerialSettings) -> Result<Box<dy
     let is_interface =
         cfg!(target_os = "linux") && matches!(what, Real::Bus(_)) && !at.contains(['/', ':']);
     let port = if is_interface { interface(at) } else { open_port(at, settings, Duration::ZERO) };
-    port.with_context(|| what.to_string())
+    let port = port.with_context(|| what.to_string())?;
+    if let Some(kept) = latency(Path::new(USB), at).filter(|it| *it > 1) {
+        let name = at.rsplit('/').next().unwrap_or(at);
+        let text = format!(
+            "{what}: {at} keeps what it hears for {kept} ms: echo 1 | sudo tee {USB}/{name}/latency_timer"
+        );
+        match what {
+            Real::Bus(_) => {}
+            // Of the five milliseconds that a reply has.
+            Real::Line(_) => ensure!(kept <= KEPT, "{text}"),
+            Real::Receiver => tell(text),
+        }
+    }
+    Ok(port)
 }
 
 /// Milliseconds for which an FTDI adapter keeps bytes before it hands them over.
@@ -276,7 +286,12 @@ pub(super) fn check_adapters(real: &[(Real, String)], robot: &Description) -> Re
                 let is_here = !at.starts_with("tcp:");
                 ensure!(is_here, "--line {line}={at}: a line needs a serial port of this PC");
             }
-            Real::Receiver => drop(settings(*what, robot)?),
+            Real::Receiver => {
+                // It would stop the robot as late as it drives it.
+                let is_here = !at.starts_with("tcp:");
+                ensure!(is_here, "--remote {at}: a receiver needs a serial port of this PC");
+                settings(*what, robot)?;
+            }
         }
         let is_new = real[..index].iter().all(|(other, place)| other != what && place != at);
         ensure!(is_new, "{what} at {at}: one adapter for each bus, line and remote");
@@ -388,6 +403,10 @@ impl<W: Running> Drop for Driven<'_, W> {
         if std::thread::panicking() {
             return;
         }
+        // A receiver could arm it again.
+        for receiver in self.adapters.iter_mut().filter(|it| it.what == Real::Receiver) {
+            (receiver.port, receiver.tried) = (None, Instant::now());
+        }
         self.disarm();
         let refused = |it: &Self| -> Vec<_> { it.adapters.iter().map(Adapter::refused).collect() };
         let before = refused(self);
@@ -399,7 +418,9 @@ impl<W: Running> Drop for Driven<'_, W> {
         let took_all = before.into_iter().zip(refused(self)).map(|(before, now)| before == now);
         for (adapter, took_all) in self.adapters.iter_mut().zip(took_all) {
             let Adapter { what, at, end, port, .. } = adapter;
-            if !took_all {
+            let is_line = matches!(what, Real::Line(_));
+            let has_left = port.as_ref().is_some_and(|it| it.unsent() == 0);
+            if !took_all || is_line && !has_left {
                 tell(format_args!(
                     "{what}: nothing took the last frames, and {at} may hold older ones, which drive: unplug it \
                      before its motors have power"

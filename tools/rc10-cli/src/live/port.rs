@@ -2,10 +2,14 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
+#[cfg(unix)]
+use std::os::fd::OwnedFd;
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, ensure};
 use rc10_module::remote::{Parity, SerialSettings};
+#[cfg(unix)]
+use rustix::{fs, termios};
 
 use crate::args::address;
 
@@ -57,12 +61,34 @@ pub(super) fn with_limits(stream: TcpStream, patience: Duration) -> Result<Box<d
 fn serial(name: &str, settings: SerialSettings, patience: Duration) -> Result<Box<dyn Port>> {
     use serialport::{Parity as Bit, StopBits};
     let SerialSettings { baud, parity, stop_bits, .. } = settings;
-    let parity = if parity == Parity::Even { Bit::Even } else { Bit::None };
+    let is_checked = parity == Parity::Even;
+    let parity = if is_checked { Bit::Even } else { Bit::None };
     let stop_bits = if stop_bits == 2 { StopBits::Two } else { StopBits::One };
     let port = serialport::new(name, baud).parity(parity).stop_bits(stop_bits).timeout(patience);
+    // For the settings that `serialport` has no word for: opened twice, as it keeps the port for itself from then on.
+    #[cfg(unix)]
+    let terminal = is_checked.then(|| second(name));
     let port = port.open().map_err(|error| anyhow!("{}", refusal(name, &error)))?;
+    #[cfg(unix)]
+    if let Some(terminal) = terminal {
+        leave_damaged_out(&terminal?).with_context(|| name.to_owned())?;
+    }
     fits(name, baud, port.baud_rate().unwrap_or(baud))?;
     Ok(Box::new(port))
+}
+
+#[cfg(unix)]
+fn second(name: &str) -> rustix::io::Result<OwnedFd> {
+    use fs::OFlags;
+    fs::open(name, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK, fs::Mode::empty())
+}
+
+/// Bytes with a wrong parity are left out, so that their frame is too short, as on a board: else they come as zeros.
+#[cfg(unix)]
+fn leave_damaged_out(terminal: &OwnedFd) -> rustix::io::Result<()> {
+    let mut modes = termios::tcgetattr(terminal)?;
+    modes.input_modes |= termios::InputModes::IGNPAR;
+    termios::tcsetattr(terminal, termios::OptionalActions::Now, &modes)
 }
 
 /// Some adapters take the nearest rate that they have, and say which.
@@ -99,6 +125,19 @@ fn refusal(name: &str, error: &serialport::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn bytes_with_a_wrong_parity_are_left_out() {
+        use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+        let near = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        grantpt(&near).and_then(|()| unlockpt(&near)).unwrap();
+        let name = ptsname(&near, Vec::new()).unwrap().into_string().unwrap();
+        let settings = SerialSettings { parity: Parity::Even, ..plain(100_000) };
+        let _port = serial(&name, settings, Duration::ZERO).unwrap();
+        let modes = termios::tcgetattr(&near).unwrap().input_modes;
+        assert!(modes.contains(termios::InputModes::IGNPAR), "{modes:?}");
+    }
 
     #[test]
     fn a_rate_that_an_adapter_has_not_is_told() {

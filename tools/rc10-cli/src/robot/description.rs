@@ -87,6 +87,8 @@ pub struct SerialPart {
     pub label: &'static str,
     /// The chip's UART: 1 for USART1.
     pub uart: u8,
+    /// Bits a second, as declared.
+    pub baud: u32,
     /// Puts its simulated twin at the end of a link; `None`: the robot's other board is there.
     pub twin: Option<SerialTwin>,
 }
@@ -310,13 +312,19 @@ impl Description {
     pub fn of_program<P: Simulated>(plant: impl Fn(P::Name) -> Plant) -> Self {
         const { assert_twins::<P>() };
         let twin = |label: &str| P::TWINS.iter().find(|twin| twin.label() == label);
-        let imu =
-            P::HAS_IMU.then_some(SerialPart { label: "IMU", uart: IMU_UART, twin: Some(wit) });
+        let imu = P::HAS_IMU.then_some(SerialPart {
+            label: "IMU",
+            uart: IMU_UART,
+            baud: Hwt101::SERIAL.baud,
+            twin: Some(wit),
+        });
         let serials = P::SERIALS.iter().filter_map(|part| match twin(part.label)? {
             &Twin::Serial(label, twin) => {
-                Some(SerialPart { label, uart: part.uart, twin: Some(twin) })
+                Some(SerialPart { label, uart: part.uart, baud: part.baud, twin: Some(twin) })
             }
-            &Twin::Board(label) => Some(SerialPart { label, uart: part.uart, twin: None }),
+            &Twin::Board(label) => {
+                Some(SerialPart { label, uart: part.uart, baud: part.baud, twin: None })
+            }
             Twin::Contact(..) | Twin::Voltage(..) => None,
         });
         let contacts = P::CONTACTS.iter().filter_map(|(label, active)| match twin(label)? {

@@ -168,12 +168,18 @@ impl Environment {
             added.is_imu_over = description.mistakes.contains(&Mistake::ImuOver);
             base = Some(added);
         }
-        let (mut serials, mut other_end) = (Vec::new(), None);
+        let (mut serials, mut other_end, mut is_taken) = (Vec::new(), None, false);
         for part in &description.serials {
             let baud = description.partner.and_then(|other| other.boards.baud());
             let twin = match (part.twin, &shared, baud) {
                 (Some(twin), ..) => twin(&mut world, base.as_ref()),
-                (None, Some(Shared::Uart(end)), _) => Ok((*end).clone()),
+                (None, _, Some(baud)) if baud != part.baud => {
+                    Err(anyhow!("it is declared at {} baud, the boards are at {baud}", part.baud))
+                }
+                (None, Some(Shared::Uart(end)), _) if !is_taken => {
+                    is_taken = true;
+                    Ok((*end).clone())
+                }
                 (None, None, Some(baud)) if other_end.is_none() => {
                     let [here, there] =
                         world.add_serial_pair(SerialConfig { baud, ..<_>::default() });
