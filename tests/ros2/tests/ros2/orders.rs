@@ -13,6 +13,7 @@ use hiroz::node::ZNode;
 use hiroz::pubsub::ZPub;
 use hiroz_msgs::geometry_msgs::{Twist, Vector3};
 use rc10_cli::Simulated as _;
+use rc10_cli::live::ros2::{Bridge, NodeArgs};
 use rc10_cli::run::running::Running;
 
 use super::scene::{AUTO, BY_HAND, Look, OFF, Router, Runs, World, simulated};
@@ -46,16 +47,21 @@ struct Log {
     /// Since when there is no command.
     silent: Option<Instant>,
     oldest: Duration,
+    /// How far the robot was behind the clock at most.
+    behind: Duration,
     judged: u64,
     faults: Vec<String>,
 }
 
 /// The robot is not looked at while this machine has no time for it.
 const BEHIND: Duration = Duration::from_millis(5);
+/// Back within this time; on a machine that had no time for the robot, within twice as much.
+const BACK: Duration = Duration::from_secs(1);
 
 impl Log {
     /// Looks at what the robot goes by now: the value of its first channel, if that is 50 ms old at most.
     fn look(&mut self, look: &Look) {
+        self.behind = self.behind.max(look.lag);
         let value = look.signals.first().copied().flatten().map(|it| it as f32);
         let Some(value) = value else {
             // A loss for the robot is 100 ms without a command: 50 ms later than this, or 100.
@@ -185,9 +191,9 @@ impl Scene {
         }
     }
 
-    fn args(&self) -> rc10_cli::live::ros2::NodeArgs {
+    fn args(&self) -> NodeArgs {
         let router = format!("tcp/127.0.0.1:{}", self.port);
-        rc10_cli::live::ros2::NodeArgs { router, domain: Some(0), rate: 50, ..Default::default() }
+        NodeArgs { router, domain: Some(0), rate: 50, ..Default::default() }
     }
 }
 
@@ -219,7 +225,10 @@ fn after_any_order_it_is_back_and_drives_by_no_stale_command() {
         let words: Vec<_> = broken.iter().map(|it| NAMES[*it as usize]).collect();
         // The router before the node, which a node of ROS needs to begin.
         broken.sort_by_key(|what| (*what == 4, chance.below(100)));
+        scene.log.lock().unwrap().behind = Duration::ZERO;
+        let mut began = Instant::now();
         for what in &broken {
+            began = Instant::now();
             scene.mend_one(*what);
         }
         if broken.contains(&1) {
@@ -228,24 +237,46 @@ fn after_any_order_it_is_back_and_drives_by_no_stale_command() {
             scene.world.hold(BY_HAND);
             scene.give(Duration::from_millis(300), |_| false);
             scene.world.hold(AUTO);
+            began = Instant::now();
         }
         scene.log.lock().unwrap().driven = None;
         let back = scene.give(Duration::from_secs(10), |log| log.driven.is_some());
-        let back = back.unwrap_or_else(|| panic!("order {order}, {words:?}: never back"));
-        println!("{order}: {words:?}: back after {} ms", back.as_millis());
+        assert!(back.is_some(), "order {order}, {words:?}: never back");
+        let (back, mut log) = (began.elapsed(), scene.log.lock().unwrap());
+        let behind = log.behind;
+        println!(
+            "{order}: {words:?}: back after {} ms, the robot {} ms behind",
+            back.as_millis(),
+            behind.as_millis()
+        );
+        if back > BACK * if behind > 4 * BEHIND { 2 } else { 1 } {
+            log.faults.push(format!("order {order}, {words:?}: back after {back:?}"));
+        }
         times.push(back);
     }
     let log = scene.log.lock().unwrap();
     times.sort_unstable();
     println!(
-        "{orders} orders: back after {:?} at half of them, {:?} at most; oldest command that was driven: {:?}; {} looks",
+        "{orders} orders: back after {:?} at half of them, {:?} at 90 %, {:?} at 99 %, {:?} at most, {} after more than a \
+         second; oldest command that was driven: {:?}; {} looks",
         times[times.len() / 2],
+        times[times.len() * 9 / 10],
+        times[times.len() * 99 / 100],
         times.last().unwrap(),
+        times.iter().filter(|it| **it > BACK).count(),
         log.oldest,
         log.judged
     );
     assert!(log.faults.is_empty(), "{:#?}", &log.faults[..log.faults.len().min(20)]);
-    assert!(log.judged > 100 * orders);
-    // A second, and another one for a PC that compiles meanwhile.
-    assert!(*times.last().unwrap() <= Duration::from_secs(2), "{:?}", times.last());
+    assert!(log.judged > 20 * orders);
+}
+
+/// A bridge hears its robot meanwhile.
+#[test]
+fn a_bridge_without_a_router_begins_at_once() {
+    let world = World::quiet(simulated::<swerve::Robot>);
+    let args = NodeArgs { router: "tcp/127.0.0.1:1".into(), rate: 50, ..NodeArgs::default() };
+    let began = Instant::now();
+    let _bridge = Bridge::new(world.connection(), &args, None, None).unwrap();
+    assert!(began.elapsed() < Duration::from_millis(400), "{:?}", began.elapsed());
 }

@@ -136,6 +136,10 @@ impl World {
         thread::sleep(Duration::from_millis(400));
     }
 
+    pub fn connection(&self) -> RobotConnection<'static> {
+        connection(Arc::clone(&self.ends))
+    }
+
     pub fn bridge(&self, args: &NodeArgs, description: &Description) -> Runs {
         let (ends, args) = (Arc::clone(&self.ends), args.clone());
         let (estimate, yaw) = (description.estimate, description.yaw);
@@ -144,10 +148,7 @@ impl World {
         let refused = Arc::new(Mutex::new(String::new()));
         let tell = Arc::clone(&refused);
         let thread = thread::spawn(move || {
-            let source = Box::new(Line { ends, began: Instant::now() });
-            let connection =
-                RobotConnection { source, name: "the robot".into(), baud: BAUD, is_real: true };
-            let mut bridge = Bridge::new(connection, &args, estimate, yaw).unwrap();
+            let mut bridge = Bridge::new(connection(ends), &args, estimate, yaw).unwrap();
             while !is_ended.load(Relaxed) {
                 bridge.step().unwrap();
                 *tell.lock().unwrap() = format!("{:?}", bridge.commands());
@@ -162,6 +163,11 @@ impl Drop for World {
         self.ends.ended.store(true, Relaxed);
         let _ = self.thread.take().unwrap().join();
     }
+}
+
+fn connection(ends: Arc<Ends>) -> RobotConnection<'static> {
+    let source = Box::new(Line { ends, began: Instant::now() });
+    RobotConnection { source, name: "the robot".into(), baud: BAUD, is_real: true }
 }
 
 /// A bridge that runs; dropped, it ends.
