@@ -9,6 +9,9 @@
 
 #[path = "ros2/joints.rs"]
 mod joints;
+#[cfg(unix)]
+#[path = "ros2/late.rs"]
+mod late;
 #[path = "ros2/latency.rs"]
 mod latency;
 #[path = "ros2/orders.rs"]

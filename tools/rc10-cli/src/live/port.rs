@@ -1,6 +1,6 @@
 //! Ports of this PC, serial ones and those of servers: how they are opened, and why not.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
 #[cfg(unix)]
 use std::os::fd::OwnedFd;
@@ -58,6 +58,28 @@ pub(super) fn with_limits(stream: TcpStream, patience: Duration) -> Result<Box<d
     Ok(Box::new(stream))
 }
 
+/// Why a port cannot be opened that is not there, and may come.
+pub(super) fn missing(why: String) -> io::Error {
+    io::Error::new(ErrorKind::NotFound, why)
+}
+
+/// Whether that is why.
+pub(super) fn is_missing(why: &anyhow::Error) -> bool {
+    use ErrorKind::{ConnectionRefused, HostUnreachable, NetworkUnreachable, NotFound, TimedOut};
+    let may_come = [NotFound, ConnectionRefused, HostUnreachable, NetworkUnreachable, TimedOut];
+    why.downcast_ref::<io::Error>().is_some_and(|it| may_come.contains(&it.kind()))
+}
+
+/// Whether a serial port can have this name.
+fn is_port_name(name: &str) -> bool {
+    let number = name.trim_start_matches(r"\\.\").strip_prefix("COM");
+    if cfg!(windows) {
+        number.is_some_and(|it| it.parse::<u16>().is_ok())
+    } else {
+        name.starts_with('/')
+    }
+}
+
 fn serial(name: &str, settings: SerialSettings, patience: Duration) -> Result<Box<dyn Port>> {
     use serialport::{Parity as Bit, StopBits};
     let SerialSettings { baud, parity, stop_bits, .. } = settings;
@@ -68,7 +90,7 @@ fn serial(name: &str, settings: SerialSettings, patience: Duration) -> Result<Bo
     // For the settings that `serialport` has no word for: opened twice, as it keeps the port for itself from then on.
     #[cfg(unix)]
     let terminal = is_checked.then(|| second(name));
-    let port = port.open().map_err(|error| anyhow!("{}", refusal(name, &error)))?;
+    let port = port.open().map_err(|error| refusal(name, &error))?;
     #[cfg(unix)]
     if let Some(terminal) = terminal {
         leave_damaged_out(&terminal?).with_context(|| name.to_owned())?;
@@ -99,10 +121,10 @@ fn fits(name: &str, asked: u32, has: u32) -> Result<()> {
 }
 
 /// Why a serial port cannot be opened, and what helps.
-fn refusal(name: &str, error: &serialport::Error) -> String {
+fn refusal(name: &str, error: &serialport::Error) -> anyhow::Error {
     use serialport::ErrorKind as Kind;
     let text = error.to_string().to_lowercase();
-    match error.kind() {
+    let why = match error.kind() {
         Kind::Io(ErrorKind::PermissionDenied) if cfg!(windows) => {
             format!("{name}: another program has it open")
         }
@@ -113,13 +135,16 @@ fn refusal(name: &str, error: &serialport::Error) -> String {
         Kind::NoDevice | Kind::Io(ErrorKind::NotFound) => {
             if text.contains("busy") || text.contains("lock") {
                 format!("{name}: another program has it open")
+            } else if is_port_name(name) {
+                return missing(format!("{name}: there is no such port")).into();
             } else {
-                format!("{name}: there is no such port")
+                format!("{name}: there is no such port, and none has such a name")
             }
         }
         _ if text.contains("busy") => format!("{name}: another program has it open"),
         _ => format!("{name}: {error}"),
-    }
+    };
+    anyhow!(why)
 }
 
 #[cfg(test)]

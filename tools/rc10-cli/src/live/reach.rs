@@ -113,7 +113,8 @@ impl LocalRobot {
 
 /// Whether this names a robot that runs: `sim`, `emu`, `drive`, or with its number.
 pub(super) fn is_name(port: &str) -> bool {
-    ["sim", "emu", "drive"].contains(&port.split(':').next().unwrap_or_default())
+    let (kind, page) = port.split_once(':').unwrap_or((port, "0"));
+    ["sim", "emu", "drive"].contains(&kind) && page.parse::<u16>().is_ok()
 }
 
 /// All that answer, by their names.

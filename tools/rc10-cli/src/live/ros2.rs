@@ -40,7 +40,8 @@ pub fn ros2(args: &Ros2Args, robot: Robot<'_>) -> Result<()> {
 
     let ended = stop()?;
     let (estimate, yaw) = (robot.description().estimate, robot.description().yaw);
-    let connection = args.at.open(robot, Some(1.0))?;
+    let at = SourceArgs { waits: true, ..args.at.clone() };
+    let connection = at.open(robot, Some(1.0))?;
     let mut bridge = Bridge::new(connection, &args.node, estimate, yaw)?;
     while !ended.load(Ordering::Relaxed) {
         bridge.step()?;

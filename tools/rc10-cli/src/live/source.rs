@@ -1,6 +1,7 @@
 //! Connections to a robot: at a port of this PC, over TCP, in the simulator, on the emulated chip; begun here or
 //! kept running by another program.
 
+use std::cell::OnceCell;
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -12,7 +13,7 @@ use rc10_time::Micros;
 use crate::args::{Injected, seed};
 use crate::live::drive::{Driven, check_adapters};
 use crate::live::line::{RobotConnection, Source};
-use crate::live::port::{Port, open_port, plain, with_limits};
+use crate::live::port::{Port, is_missing, missing, open_port, plain, with_limits};
 use crate::live::reach::{self, LocalRobot};
 use crate::live::shared::Shared;
 use crate::robot::build::Wanted;
@@ -56,6 +57,9 @@ pub struct SourceArgs {
     /// What is real, with its adapter: the robot's tasks run here.
     #[arg(skip)]
     pub(crate) real: Vec<(Real, String)>,
+    /// Whether a robot is waited for that is not there yet.
+    #[arg(skip)]
+    pub(crate) waits: bool,
 }
 
 /// Choice of the robot's connection, with its port as the first argument.
@@ -91,14 +95,39 @@ impl RunningArgs {
 
     /// Opens the connection. Fails if it cannot be opened, with the reason and what helps.
     pub fn open(&self, robot: &Robot<'_>) -> Result<RobotConnection<'static>> {
-        let place = only(match self.port {
-            Some(_) => self.places()?,
-            None => likely(self.places()?)?,
-        })?;
+        let connection = connect(self.place()?, self.baud_of(robot))?;
+        self.tell(&connection.name);
+        Ok(connection)
+    }
+
+    /// The connection to one that is not there yet, as why tells: it is tried as after a loss.
+    fn wait(&self, why: &anyhow::Error, robot: &Robot<'_>) -> RobotConnection<'static> {
+        tell(format_args!("{why:#}; it is waited for"));
+        let (args, baud, found) = (self.clone(), self.baud_of(robot), OnceCell::new());
+        let open = move || {
+            // The robot that was found once is the one that is meant.
+            let (place, name) = found.get().cloned().map_or_else(|| args.place(), Ok)?;
+            let port = open_place(&place, baud)?;
+            if found.set((place, name.clone())).is_ok() {
+                args.tell(&name);
+            }
+            Ok(port)
+        };
+        let name = self.port.clone().unwrap_or_else(|| "the only robot".into());
+        RobotConnection { source: Box::new(Wire::later(open, why)), name, baud, is_real: true }
+    }
+
+    /// Tells which robot is taken without being named.
+    fn tell(&self, name: &str) {
         if self.port.is_none() {
-            tell(format_args!("the only robot here: {}", place.1));
+            tell(format_args!("the only robot here: {name}"));
         }
-        self.connect(place, robot)
+    }
+
+    /// The only place that is meant, with its name for people.
+    fn place(&self) -> Result<(String, String)> {
+        let places = self.places()?;
+        only(if self.port.is_some() { places } else { likely(places)? })
     }
 
     /// Opens every connection that may be meant: a stop reaches one robot too many rather than one too few. Tells what
@@ -106,7 +135,7 @@ impl RunningArgs {
     pub fn open_all(&self, robot: &Robot<'_>) -> Result<Vec<RobotConnection<'static>>> {
         let (mut open, mut refused) = (Vec::new(), Vec::new());
         for place in self.places()? {
-            match self.connect(place, robot) {
+            match connect(place, self.baud_of(robot)) {
                 Ok(connection) => open.push(connection),
                 Err(why) => refused.push(why),
             }
@@ -123,23 +152,20 @@ impl RunningArgs {
             wanted => meant(wanted.as_deref(), all_places(wanted.is_none())),
         }
     }
+}
 
-    fn connect(
-        &self,
-        (port, name): (String, String),
-        robot: &Robot<'_>,
-    ) -> Result<RobotConnection<'static>> {
-        let baud = self.baud_of(robot);
-        let open = move || {
-            if reach::is_name(&port) {
-                let robot = reach::all().into_iter().find(|it| it.name == port);
-                let stream = robot.with_context(|| format!("{port} has ended"))?.connect()?;
-                return with_limits(stream, PATIENCE);
-            }
-            open_port(&port, plain(baud), PATIENCE)
-        };
-        Ok(RobotConnection { source: Box::new(Wire::new(open)?), name, baud, is_real: true })
+fn connect((port, name): (String, String), baud: u32) -> Result<RobotConnection<'static>> {
+    let source = Box::new(Wire::new(move || open_place(&port, baud))?);
+    Ok(RobotConnection { source, name, baud, is_real: true })
+}
+
+fn open_place(port: &str, baud: u32) -> Result<Box<dyn Port>> {
+    if reach::is_name(port) {
+        let robot = reach::all().into_iter().find(|it| it.name == port);
+        let stream = robot.with_context(|| format!("{port} has ended"))?.connect()?;
+        return with_limits(stream, PATIENCE);
     }
+    open_port(port, plain(baud), PATIENCE)
 }
 
 impl SourceArgs {
@@ -171,7 +197,10 @@ impl SourceArgs {
                 && pace.is_none_or(|it| it >= 1.0),
             "--fault, --mistake and --pace are for --sim and --emu that are begun here"
         );
-        self.running.open(&robot)
+        match self.running.open(&robot) {
+            Err(why) if self.waits && is_missing(&why) => Ok(self.running.wait(&why, &robot)),
+            opened => opened,
+        }
     }
 
     /// A robot that runs here, at adapters. Fails if an adapter cannot be opened, or nothing could arm it.
@@ -244,12 +273,12 @@ fn meant(wanted: Option<&str>, mut places: Vec<(String, String)>) -> Result<Vec<
     places.retain(|(port, _)| wanted.is_none_or(|wanted| is_it(port, wanted)));
     ensure!(
         !places.is_empty(),
-        match wanted {
+        missing(match wanted {
             Some(name) => format!("no robot `{name}` runs on this PC"),
             None => "no serial port is there, and no robot runs on this PC: plug the robot in, or begin with \
                      rc10 live --sim"
                 .into(),
-        }
+        })
     );
     Ok(places)
 }
@@ -266,8 +295,10 @@ fn likely(places: Vec<(String, String)>) -> Result<Vec<(String, String)>> {
     let names: Vec<_> = built_in.into_iter().map(|(port, _)| port).collect();
     ensure!(
         !others.is_empty(),
-        "only built-in ports are here, which are not taken by themselves: --port with one of {}",
-        names.join(", ")
+        missing(format!(
+            "only built-in ports are here, which are not taken by themselves: --port with one of {}",
+            names.join(", ")
+        ))
     );
     Ok(others)
 }
@@ -358,6 +389,12 @@ impl<F: Fn() -> Result<Box<dyn Port>>> Wire<F> {
         let port = Some(open()?);
         let now = Instant::now();
         Ok(Self { open, port, trouble: None, tried: now, began: now })
+    }
+
+    /// One whose port is not there yet.
+    fn later(open: F, why: &anyhow::Error) -> Self {
+        let (trouble, now) = (Some(format!("{why:#}")), Instant::now());
+        Self { open, port: None, trouble, tried: now, began: now }
     }
 
     fn try_exchange(&mut self, out: &[u8], bytes: &mut Vec<u8>) -> io::Result<()> {
