@@ -28,7 +28,7 @@ use super::request::{Door, Plots, Request as HttpRequest, read};
 pub use super::streams::{
     action, crsf, dbus, jrt, ppm, rc9, referee, rm_vision, sbus, stp23l, tfmini, vt03, wit,
 };
-pub use super::tools::{bmi088, client, conversation, lines, record};
+pub use super::tools::{bmi088, client, command, conversation, lines, record};
 
 /// A target: a function of bytes.
 pub type Feed = fn(&[u8]);
@@ -63,6 +63,7 @@ pub const TARGETS: &[(&str, Feed)] = &[
     ("lines", lines),
     ("record", record),
     ("bmi088", bmi088),
+    ("command", command),
 ];
 
 /// The link to a PC, at both ends: a whole frame is heard behind anything, however it comes in pieces;

@@ -1,0 +1,2 @@
+#![no_main]
+rc10_fuzz::program!(command);
