@@ -1,9 +1,10 @@
 //! The bridge between the link of a robot and a node of ROS 2.
 
 use std::collections::BTreeMap;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use hiroz::Builder;
 use hiroz::context::ZContext;
 use hiroz::node::ZNode;
@@ -30,7 +31,8 @@ const SECOND: Duration = Duration::from_secs(1);
 /// A robot, and the node that it is.
 pub struct Bridge<'r> {
     session: Session<'r>,
-    context: ZContext,
+    context: Option<ZContext>,
+    opening: Option<JoinHandle<Result<ZContext>>>,
     outbox: Outbox,
     args: NodeArgs,
     estimate: Option<PoseSignals>,
@@ -54,14 +56,17 @@ struct Node {
 
 impl<'r> Bridge<'r> {
     /// Begins between a robot's line and a router, each of which may come later. `estimate` and `yaw` are signals of the
-    /// robot's [`Description`](crate::Description). Fails for an invalid router's address or namespace.
+    /// robot's [`Description`](crate::Description). Fails without a thread; an
+    /// invalid router's address is told by a [`step`](Self::step).
     pub fn new(
         connection: RobotConnection<'r>,
         args: &NodeArgs,
         estimate: Option<PoseSignals>,
         yaw: Option<&'static str>,
     ) -> Result<Self> {
-        let context = context(args)?;
+        // zenoh waits for others for up to 500 ms: meanwhile the robot describes itself.
+        let of = args.clone();
+        let opening = Some(thread::Builder::new().spawn(move || context(&of))?);
         let (session, outbox) = (Session::new(connection), Outbox::new()?);
         tell(format_args!(
             "{} as a node of ROS 2, by the router at {}",
@@ -73,7 +78,8 @@ impl<'r> Bridge<'r> {
             NodeArgs { namespace: args.namespace.trim_matches('/').to_owned(), ..args.clone() };
         Ok(Self {
             session,
-            context,
+            context: None,
+            opening,
             outbox,
             args,
             estimate,
@@ -136,6 +142,11 @@ impl<'r> Bridge<'r> {
 
     /// Becomes the node of a robot that has described itself.
     fn meet(&mut self) -> Result<()> {
+        if let Some(opening) = self.opening.take_if(|it| it.is_finished()) {
+            let opened = opening.join().map_err(|_| anyhow!("zenoh has ended"))?;
+            self.context = Some(opened?);
+        }
+        let Some(context) = &self.context else { return Ok(()) };
         let client = &mut self.session.client;
         let declaration = client.declaration();
         if !client.is_described()
@@ -147,7 +158,7 @@ impl<'r> Bridge<'r> {
         watch_at(client, &topics, [OFTEN, SLOW]);
         // The one before leaves first: its names may be those of the new one.
         self.node = None;
-        let builder = self.context.create_node("rc10").with_namespace(&self.args.namespace);
+        let builder = context.create_node("rc10").with_namespace(&self.args.namespace);
         let node = sound(builder.build())?;
         let given = Given::new(client, &node)?;
         let place = (&node, &self.outbox, self.args.namespace.as_str());

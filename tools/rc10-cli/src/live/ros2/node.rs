@@ -105,9 +105,7 @@ pub fn context(args: &NodeArgs) -> Result<ZContext> {
             json!({
                 "period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 1.5,
             }),
-        )
-        // Or it waits here for 500 ms, unless router and all nodes have greeted it before.
-        .with_json("open/return_conditions/connect_scouted", json!(false));
+        );
     if let Some(domain) = args.domain {
         builder = builder.with_domain_id(domain as usize);
     }
