@@ -33,7 +33,7 @@ fn bridge(router: &Router, folder: &Scratch, port: &str) -> (Started, Arc<Mutex<
     let said: Arc<Mutex<Vec<String>>> = Arc::default();
     let hears = Arc::clone(&said);
     thread::spawn(move || {
-        lines.map_while(Result::ok).for_each(|it| hears.lock().unwrap().push(it))
+        lines.map_while(Result::ok).for_each(|it| hears.lock().unwrap().push(it));
     });
     (Started(child), said)
 }
