@@ -36,4 +36,4 @@ pub const SCRIPT: [ScriptLine; 3] = [
 ];
 
 /// Armed, sticks let go.
-pub const ARMED: Controls = Controls::REST;
+const ARMED: Controls = Controls::REST;
