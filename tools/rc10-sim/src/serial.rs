@@ -124,11 +124,14 @@ pub(crate) struct Link {
     /// The time of the next event here, and whether something was done since that was asked.
     pub(crate) due: Nanos,
     pub(crate) touched: bool,
+    /// Whether what it has heard another one hands on.
+    pub(crate) repeats: bool,
 }
 
 impl Link {
     pub(crate) fn new(config: SerialConfig, mut device: Box<dyn SerialDevice>, now: Nanos) -> Self {
         device.power_on(now);
+        let repeats = (&*device as &dyn Any).is::<Repeater>();
         Self {
             config,
             character: config.character(),
@@ -144,6 +147,7 @@ impl Link {
             counters: SerialCounters::default(),
             due: Nanos::ZERO,
             touched: true,
+            repeats,
         }
     }
 

@@ -87,13 +87,12 @@ impl Inner {
         for line in &mut self.lines {
             line.process(now, &mut self.random, &mut self.units);
         }
-        let mut is_any_due = false;
+        let mut has_one_heard = false;
         for link in self.serials.iter_mut().filter(|link| link.due <= now) {
             link.process(now);
-            is_any_due = true;
+            has_one_heard |= link.repeats;
         }
-        // What one has heard another may hand on.
-        self.serials.iter_mut().for_each(|link| link.touched |= is_any_due);
+        self.serials.iter_mut().for_each(|link| link.touched |= has_one_heard && link.repeats);
         self.pulses.iter_mut().for_each(|line| line.process(now));
         for (bus, wire) in self.wires.iter_mut().enumerate() {
             let Some(heard) = wire.process(now) else {
