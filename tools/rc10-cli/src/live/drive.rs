@@ -445,7 +445,7 @@ fn summary(adapter: &Adapter, ports: &Ports<'_>) -> String {
     let line = if let Real::Line(it) = what { ports.lines.get(usize::from(*it) - 1) } else { None };
     let went = match (end, line) {
         (RealEnd::Frames(host), _) => {
-            let HostCounts { heard, sent, refused, malformed, .. } = host.counts();
+            let HostCounts { heard, sent, refused, malformed } = host.counts();
             losses.push((refused, "frames refused by the adapter"));
             losses.push((malformed, "lines of it that are no frames"));
             format!("{heard} frames heard, {sent} sent")

@@ -27,8 +27,6 @@ pub struct HostCounts {
     pub refused: u64,
     /// Lines of it that are no frames: bytes were lost.
     pub malformed: u64,
-    /// Times that it was gone.
-    pub gone: u64,
 }
 
 /// A bus of a robot that runs on this PC, behind an adapter: a state machine without input, output and clock.
@@ -79,10 +77,10 @@ impl HostPort {
 
     /// The adapter is there, or gone.
     pub fn plug(&self, is_there: bool) {
-        let Host { lines, health, unsent, counts, .. } = &mut *self.0.borrow_mut();
+        let Host { lines, health, unsent, .. } = &mut *self.0.borrow_mut();
         let state = if is_there { ErrorState::Active } else { ErrorState::BusOff };
         if state == ErrorState::BusOff && health.state != state {
-            (health.bus_offs, counts.gone) = (health.bus_offs + 1, counts.gone + 1);
+            health.bus_offs += 1;
         }
         health.state = state;
         (*lines, *unsent) = (Lines::default(), Mailboxes::new());
@@ -159,7 +157,7 @@ mod tests {
         out.clear();
         port.write(&mut out);
         assert!(out.is_empty() && port.health().state == ErrorState::Active);
-        assert_eq!((port.counts().sent, port.counts().gone), (2, 1));
+        assert_eq!(port.counts().sent, 2);
     }
 
     #[test]
