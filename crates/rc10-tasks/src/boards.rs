@@ -609,10 +609,10 @@ impl Peer {
     fn hear(&self, boards: &Boards, bond: &mut Bond, place: u8, data: &[u8], at: Micros) {
         let (number, part) = (place / 4, place % 4);
         if number == 0 {
-            if let Some(silence) = bond.hear(part, data, at) {
+            if let Some(may_be_new) = bond.hear(part, data, at) {
                 self.with(|state| {
                     for TopicEntry { number, period, .. } in boards.topics {
-                        state.incoming[usize::from(*number) - 1].start(silence, *period, at);
+                        state.incoming[usize::from(*number) - 1].start(may_be_new, *period, at);
                     }
                 });
             }

@@ -125,22 +125,19 @@ impl Bond {
     }
 
     /// Takes an arm state, unless its number is not ahead of the last one: it comes twice, or from a board that is stuck.
-    /// If it is heard anew, how long it was silent: for ever before its start.
-    pub(super) fn hear(&mut self, from: u8, bytes: &[u8], at: Micros) -> Option<Micros> {
+    /// If it is heard anew, whether it may have started since.
+    pub(super) fn hear(&mut self, from: u8, bytes: &[u8], at: Micros) -> Option<bool> {
         let (number, declaration, beat) = Beat::of(bytes)?;
         let starts = beat.is_new && self.heard.is_none_or(|(before, ..)| !before.is_new);
-        let is_ahead = self.heard.is_none_or(|(_, last, since)| {
-            (1..=AHEAD).contains(&number.wrapping_sub(last)) || at.since(since) > LOST
-        });
-        if from != 1 - self.role as u8 || !(is_ahead || starts) {
+        let may_be_new = starts || self.heard.is_none_or(|(.., since)| at.since(since) > LOST);
+        let is_ahead = |(_, last, _)| (1..=AHEAD).contains(&number.wrapping_sub(last));
+        if from != 1 - self.role as u8 || !(may_be_new || self.heard.is_some_and(is_ahead)) {
             return None;
         }
-        let silence = self.heard.filter(|_| !starts).map(|(.., since)| at.since(since));
-        let silence = silence.filter(|it| *it <= LOST).unwrap_or(Micros::new(u64::MAX));
         let is_anew = starts || !self.is_heard(at);
         self.is_same = declaration == self.declaration;
         self.heard = Some((beat, number, at));
-        is_anew.then_some(silence)
+        is_anew.then_some(may_be_new)
     }
 
     /// Whether the other board's values are taken: it has the same declaration, and is heard.

@@ -102,11 +102,11 @@ impl Incoming {
         Some((&self.whole[..self.whole_len], self.at?))
     }
 
-    /// The other board is heard anew. Behind many periods without a value, of one silence or several, its numbers say nothing.
-    pub(super) fn start(&mut self, silence: Micros, period: Micros, at: Micros) {
-        let silence = self.at.map_or(silence, |since| silence.max(at.since(since)));
-        let values = silence.get() / period.get();
-        (self.is_numbered, self.come) = (self.is_numbered && values < MISSED, 0);
+    /// The other board is heard anew. Behind its start, and many periods without a value, its numbers say nothing.
+    pub(super) fn start(&mut self, may_be_new: bool, period: Micros, at: Micros) {
+        let values = self.at.map_or(0, |since| at.since(since).get() / period.get());
+        self.is_numbered &= !may_be_new && values < MISSED;
+        self.come = 0;
     }
 
     /// Takes a frame. A second one of the same, and one of a value that is whole already, changes nothing.

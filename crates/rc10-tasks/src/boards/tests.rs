@@ -388,8 +388,8 @@ fn a_value_of_several_frames_is_whole_or_not_there() {
     }
     before.iter().for_each(|(frame, data)| heard.take(*frame, data, at));
     assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[4; 28][..], 1));
-    // But behind a silence numbers begin anew, and what was known stays.
-    heard.start(Micros::new(u64::MAX), period, at);
+    // But behind the other board's start numbers begin anew, and what was known stays.
+    heard.start(true, period, at);
     assert_eq!(heard.newest().unwrap().0, &[4; 28]);
     before.iter().for_each(|(frame, data)| heard.take(*frame, data, at));
     assert_eq!((heard.newest().unwrap().0, heard.lost()), (&[3; 28][..], 1));
@@ -440,7 +440,7 @@ fn values_that_a_short_silence_has_taken_are_counted() {
             let value_told = told.due(period, now).unwrap();
             // Two silences, without a value between them.
             if silence > 0 && (value == silence || value == silence / 2) {
-                heard.start(Micros::new(period.get() * silence / 2), period, now);
+                heard.start(false, period, now);
             }
             if value == silence {
                 value_told.frames().for_each(|(part, data)| heard.take(part, &data, now));
