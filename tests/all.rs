@@ -31,6 +31,7 @@ mod live_reach;
 mod live_time;
 mod live_tune;
 mod load;
+mod matches;
 mod messages;
 mod mistakes;
 mod mixed;

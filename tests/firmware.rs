@@ -45,6 +45,8 @@ mod lift_robot;
 mod line;
 #[path = "firmware/live.rs"]
 mod live;
+#[path = "firmware/matches.rs"]
+mod matches;
 #[path = "firmware/omni.rs"]
 mod omni_robot;
 #[path = "firmware/owl.rs"]

@@ -173,6 +173,9 @@ fn what_a_crash_has_left_is_fetched_and_replayed() {
     assert!((1.690..1.7).contains(&last), "{last}");
     let (done, said) = home.run(&["blackbox", "--port", "emu", "--output", &file]);
     assert!(!done && said.contains("is there: --force writes over it"), "{said}");
+    let other = home.0.join("match.bin").display().to_string();
+    let (done, said) = home.run(&["blackbox", "--port", "emu", "--match", "--output", &other]);
+    assert!(!done && said.contains("its board keeps no matches: a DM-MC02 does"), "{said}");
 
     // Of another program it is told at once, and nothing panics.
     let mut other = fs::read(&file).unwrap();
@@ -191,6 +194,45 @@ fn what_a_crash_has_left_is_fetched_and_replayed() {
         assert!(!done && said.contains("its program has no black box: build it with"), "{said}");
         assert!(!none.exists());
     }
+}
+
+/// Two matches in the serial flash of an emulated DM-MC02.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_match_is_fetched_from_the_flash_and_replayed() {
+    let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
+    let home = Home::new("reach-match");
+    let elf = format!("{firmware}-dm-mc02-black-box");
+    let (_live, page) = home.keep_of(&["--emu", &elf, "--fault", "cut-power@4s..4.1s"]);
+    until("whole", || state(page)["whole"] == true);
+    let file = home.0.join("match.bin").display().to_string();
+    let fetch = |which: &str| {
+        let _ = fs::remove_file(&file);
+        home.run(&["blackbox", "--port", "emu", which, "--output", &file])
+    };
+    let mut last = 0.0;
+    // Up to the cut of power, or to when it was slow to erase before.
+    until("kept", || {
+        let (done, text) = fetch("--match");
+        if !done {
+            assert!(text.contains("there is no such match") || text.contains("does not"), "{text}");
+            return false;
+        }
+        println!("{text}");
+        let (done, replayed) = home.run(&["replay", &file]);
+        assert!(done && replayed.starts_with("equal: "), "{replayed}");
+        let to = replayed.split_once(" s to ").unwrap().1.split(' ').next().unwrap();
+        last = to.parse().unwrap();
+        last > 1.5
+    });
+    let (done, text) = fetch("--match=7");
+    assert!(!done && text.contains("there is no such match in its flash"), "{text}");
+    assert!(!fs::exists(&file).unwrap());
+    let (done, text) = fetch("--match=0");
+    assert!(!done && text.contains("0 is not in 1..=65535"), "{text}");
+    // Its RAM is another thing; the other board has no such flash.
+    let (done, text) = home.run(&["blackbox", "--port", "emu", "--output", &file]);
+    assert!(done && fs::metadata(&file).unwrap().len() == 327_456, "{text}");
 }
 
 #[test]

@@ -14,12 +14,12 @@ use rc10_time::Micros;
 
 use crate::{millis, program};
 
-fn seconds() -> u64 {
+pub(super) fn seconds() -> u64 {
     let asked = std::env::var("RC10_REPLAY").ok();
     asked.map_or(2, |it| it.parse().expect("RC10_REPLAY is a number of seconds"))
 }
 
-fn robot<P: Simulated>() -> Robot<'static>
+pub(super) fn robot<P: Simulated>() -> Robot<'static>
 where
     P::Name: 'static,
     P::Own: 'static,

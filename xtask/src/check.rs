@@ -173,7 +173,7 @@ pub fn run(is_whole: bool) -> Result<()> {
         // A build has one chip, so the other board comes by itself.
         let packages = ON_DM_MC02.map(|name| format!(" --package {name}")).concat();
         let packages = format!("--package rc10-board{packages}");
-        let board = format!("--no-default-features --features {DM_MC02}");
+        let board = format!("--no-default-features --features {DM_MC02},rc10-board/black-box");
         let board = format!("clippy --release {packages} {board} -- -D warnings");
         run_command(&mut chip(&board, None))?;
         docs(&mut host(&format!("doc --no-deps {bsp}")))?;

@@ -63,10 +63,14 @@ pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
     for package in ON_DM_MC02 {
         build_with(package, Some(DM_MC02), rustc)?;
     }
-    for package in WITH_BLACK_BOX {
-        let build = format!("build --release --package {package} --features rc10-board/black-box");
+    let black_box = "rc10-board/black-box";
+    let on_default = WITH_BLACK_BOX.map(|package| (package, String::new(), black_box.to_owned()));
+    let board = format!("-{DM_MC02}");
+    let on_other = (TEAM, board, format!("{DM_MC02},{black_box} --no-default-features"));
+    for (package, board, features) in on_default.into_iter().chain([on_other]) {
+        let build = format!("build --release --package {package} --features {features}");
         run(&mut chip(&build, rustc))?;
-        fs::copy(elf(package), elf(&format!("{package}-black-box")))
+        fs::copy(elf(package), elf(&format!("{package}{board}-black-box")))
             .with_context(|| format!("cannot copy {package}"))?;
     }
     let others = ["interop", "selftest", "two-boards-uart-firmware"].map(str::to_owned);

@@ -9,8 +9,6 @@
 #[cfg(feature = "stm32h723")]
 mod stm32h723;
 
-#[cfg(feature = "black-box")]
-pub use stm32h723::black_box;
 #[cfg(feature = "usb")]
 pub use stm32h723::usb;
 #[cfg(feature = "stm32h723")]
@@ -19,3 +17,5 @@ pub use stm32h723::{
     cycle_count, dma, flash, i2c, initialise, other_chip, pulse_input, pulse_output, pwm,
     quadrature, serial, servo, spi, supervisor, voltage, watchdog,
 };
+#[cfg(feature = "black-box")]
+pub use stm32h723::{black_box, w25q64};

@@ -11,7 +11,7 @@
 //! * [`flash`]: the two sectors for what is kept.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
-//! * `black_box`: memory that stays over a reset, with the feature `black-box`.
+//! * `black_box`: memory that stays over a reset, and `w25q64`: a serial flash, with the feature `black-box`.
 //! * [`crash`]: after a panic or fault motors are made safe, the cause is kept, the chip restarts.
 #![expect(unsafe_code, reason = "registers, vectors and retained memory")]
 
@@ -35,6 +35,8 @@ mod supply;
 #[cfg(feature = "usb")]
 pub mod usb;
 pub mod voltage;
+#[cfg(feature = "black-box")]
+pub mod w25q64;
 pub mod watchdog;
 
 pub use crystal::{Crystal, CrystalState, crystal};

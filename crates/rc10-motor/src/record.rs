@@ -11,6 +11,7 @@
 )]
 
 mod code;
+pub mod pages;
 pub mod ring;
 
 use core::cell::Cell;

@@ -31,7 +31,7 @@ use embedded_io_async::{Read, Write};
 use heapless::Vec;
 use rc10_app::Rpm;
 #[cfg(feature = "black-box")]
-use rc10_link::PIECE;
+pub use rc10_link::PIECE;
 use rc10_link::frame::{AROUND, BODY, CARRIED, CARRIER_HEAD, Writer};
 use rc10_link::samples::{HEAD, Head, VALUES};
 use rc10_link::{
@@ -140,7 +140,7 @@ impl<'r> RobotView<'r> {
     }
 }
 
-/// The memory of a black box: its length in bytes, and what copies some of them, from a word on.
+/// The memory of a black box: its length in bytes, and what copies some of them, from a word on; none while it is busy.
 #[cfg(feature = "black-box")]
 pub type BlackBox = (usize, fn(usize, &mut [u8]) -> usize);
 

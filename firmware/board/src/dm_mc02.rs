@@ -4,6 +4,8 @@
 //! a dozen teams (`docs/dm-mc02.md`). It has an STM32H723VGT6, three CAN transceivers without a standby
 //! pin and with 120 ohms each, and an inverter before the remote's UART. Nothing here was tried on the board.
 
+#[cfg(feature = "black-box")]
+mod matches;
 mod soldered;
 
 use embassy_stm32::peripherals::{
@@ -25,6 +27,8 @@ use rc10_bsp::voltage::VoltageParts;
 
 use crate::UsbParts;
 
+#[cfg(feature = "black-box")]
+pub use matches::BLACK_BOX;
 pub use soldered::{SETTLING, serve};
 
 /// The board's name, as the tools know it.
@@ -38,6 +42,10 @@ pub const CRYSTAL: Crystal = Crystal::new(24_000_000);
 
 /// The remote's socket is for DBUS and SBUS, with an NPN inverter before the pin.
 pub const REMOTE_HAS_INVERTER: bool = true;
+
+/// How often the robot is armed until what a crash has left in RAM goes: the serial flash has it, too.
+#[cfg(feature = "black-box")]
+pub const ARMED_AFTER_CRASH: u32 = 1;
 
 /// The board's parts, by what they are for.
 pub struct Board {
@@ -123,6 +131,8 @@ pub struct Soldered {
     buzzer: (Peri<'static, TIM12>, Peri<'static, PB15>),
     supply: VoltageParts,
     key: (Peri<'static, PA15>, Peri<'static, EXTI15>),
+    #[cfg(feature = "black-box")]
+    memory: matches::MemoryParts,
 }
 
 /// Those of [`Output::ALL`], pulled down by 1 kOhm: off until switched on, and in a restart.
@@ -192,6 +202,8 @@ impl Board {
                 buzzer: (p.TIM12, p.PB15),
                 supply: VoltageParts::new(&p.ADC1, p.PC4),
                 key: (p.PA15, p.EXTI15),
+                #[cfg(feature = "black-box")]
+                memory: (p.OCTOSPI1, p.PE11, p.PB2, p.PD11, p.PB0, p.PA3, p.PA1),
             },
             supervisor: p.TIM7,
             watchdog: p.IWDG1,

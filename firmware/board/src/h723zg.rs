@@ -15,6 +15,8 @@ use embassy_stm32::peripherals::{
 use embassy_stm32::timer::Ch1;
 use embassy_stm32::{Peri, Peripherals};
 use rc10_bsp::Crystal;
+#[cfg(feature = "black-box")]
+use rc10_bsp::black_box;
 use rc10_bsp::can::BusParts;
 use rc10_bsp::pulse_input;
 use rc10_bsp::serial::{ReceiverParts, SerialParts};
@@ -37,6 +39,15 @@ pub const CRYSTAL: Crystal = Crystal::new(25_000_000);
 
 /// Whether the board inverts the remote's receiver, as for a DBUS socket. Here the UART does.
 pub const REMOTE_HAS_INVERTER: bool = false;
+
+/// What a PC can fetch: the ring in RAM.
+#[cfg(feature = "black-box")]
+pub const BLACK_BOX: rc10_tasks::live::BlackBox =
+    (4 * black_box::WORDS, |word, to| black_box::RC10_BLACK_BOX.copy(word, to));
+
+/// How often the robot is armed until what a crash has left goes.
+#[cfg(feature = "black-box")]
+pub const ARMED_AFTER_CRASH: u32 = 2;
 
 /// Soldered parts that need a program: this board has none.
 pub struct Soldered;

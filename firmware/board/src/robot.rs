@@ -283,7 +283,7 @@ fn runner(
 }
 
 /// Records what reaches the ticks of a robot's buses and lines, for `rc10 replay`. What an earlier run has left of a crash
-/// stays until the robot has been armed twice.
+/// stays until the robot has been armed [`ARMED_AFTER_CRASH`](crate::board::ARMED_AFTER_CRASH) times.
 #[cfg(feature = "black-box")]
 pub fn record<N>(ports: PortsOf<'static, N>) {
     use core::cell::UnsafeCell;
@@ -291,6 +291,8 @@ pub fn record<N>(ports: PortsOf<'static, N>) {
     use rc10_bsp::black_box::RC10_BLACK_BOX;
     use rc10_motor::record::ring::{self, Memory, Writer};
     use rc10_motor::record::{FIRST_LINE, START, Sink, TICK};
+
+    use crate::board::ARMED_AFTER_CRASH;
 
     struct BlackBox;
     struct Place(UnsafeCell<Writer>);
@@ -347,7 +349,7 @@ pub fn record<N>(ports: PortsOf<'static, N>) {
     let held = with(|writer, memory| {
         let is_kept = ring::is_kept(memory);
         // A reset may have lost one half.
-        let held = memory[ring::HELD].max(memory[ring::HELD + 1]).min(2);
+        let held = memory[ring::HELD].max(memory[ring::HELD + 1]).min(ARMED_AFTER_CRASH);
         if is_kept && memory[ring::WISH] == ring::PROOF {
             // The test bench takes it all, over every start.
             writer.resume(memory);
@@ -355,9 +357,9 @@ pub fn record<N>(ports: PortsOf<'static, N>) {
             memory[ring::HELD..][..2].fill(held);
             return held;
         } else if is_kept && has_crashed() {
-            memory[ring::HELD..][..2].fill(2);
+            memory[ring::HELD..][..2].fill(ARMED_AFTER_CRASH);
             memory[ring::CAUSE] = CAUSE.load(Ordering::Relaxed);
-            return 2;
+            return ARMED_AFTER_CRASH;
         } else {
             writer.clear(memory, 0);
         }
@@ -365,7 +367,7 @@ pub fn record<N>(ports: PortsOf<'static, N>) {
     });
     HELD.store(held, Ordering::Relaxed);
     if held > 0 {
-        defmt::info!("what happened before the crash is kept until the robot is armed twice");
+        defmt::info!("what happened before the crash is kept until the robot was armed {=u32} times", held);
     }
     for (place, port) in (0..).zip(ports.buses) {
         port.record(&BlackBox, place);
@@ -552,10 +554,7 @@ pub async fn console<N: Names>(
     QUIET.store(quiet.as_micros() as u32, Ordering::Relaxed);
     let (link, robot) = (Link::new(transmitter), live::RobotView::new(shared).with_kept(&kept));
     #[cfg(feature = "black-box")]
-    let robot = {
-        use rc10_bsp::black_box::{RC10_BLACK_BOX, WORDS};
-        robot.with_black_box((4 * WORDS, |from, to| RC10_BLACK_BOX.copy(from, to)))
-    };
+    let robot = robot.with_black_box(crate::board::BLACK_BOX);
     join(link.serve(&robot, receiver, quiet, shared.own.auto()), lines(shared, &link, quiet)).await;
 }
 

@@ -27,7 +27,8 @@ pub const HELD: usize = 4;
 pub const NEWEST: usize = 6;
 
 const HEAD: usize = 8;
-const BLOCKS: u16 = 32;
+/// Its blocks.
+pub const BLOCKS: u16 = 32;
 /// Words of a block: those written before it and its number, those written up to its end and its mark; then bits.
 const BLOCK: usize = 2_558;
 const FIRST: usize = 4;
@@ -65,8 +66,65 @@ fn newest(memory: &Memory) -> Option<u16> {
     numbers.max_by_key(|it| others(*it).count()).filter(|_| memory[0] == MAGIC)
 }
 
-const fn before(number: u16, back: u16) -> u16 {
+/// The number of the block so many before one.
+#[must_use]
+pub const fn before(number: u16, back: u16) -> u16 {
     number.wrapping_sub(back) & NUMBERS
+}
+
+/// The number of the block behind one.
+#[must_use]
+pub const fn after(number: u16) -> u16 {
+    before(number, NUMBERS)
+}
+
+/// A part of a block, and what is known of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// The number of the newest block.
+    pub newest: u16,
+    /// Whether this one is there.
+    pub is_there: bool,
+    /// The stream's words before it.
+    pub before: u32,
+    /// Its length so far, bits.
+    pub length: usize,
+    /// The program's fingerprint.
+    pub print: u32,
+    /// Whether the ring is what a crash has left, and nothing comes.
+    pub is_held: bool,
+}
+
+/// Copies words of a block's bits, from one of them on, if it is there.
+pub fn part(memory: &Memory, number: u16, from: usize, to: &mut [u32]) -> Part {
+    let block = block(memory, number);
+    if let Some(block) = block {
+        to.iter_mut().zip(block.iter().skip(FIRST + from)).for_each(|(to, word)| *to = *word);
+    }
+    Part {
+        newest: memory[NEWEST] as u16,
+        is_there: block.is_some(),
+        before: block.map_or(0, |block| block[0]),
+        length: block.map_or(0, length),
+        print: memory[PRINT],
+        is_held: memory[HELD] != 0,
+    }
+}
+
+/// Puts a whole block into a memory, as its writer had it: the stream's words before it and those up to its end.
+pub fn put_block(
+    memory: &mut Memory,
+    number: u16,
+    [before, end]: [u32; 2],
+    bits: &[u32],
+    length: usize,
+) {
+    memory[0] = MAGIC;
+    memory[NEWEST] = number.into();
+    let mark = u32::from(number) << LENGTH | length.min(MOST) as u32;
+    let block = &mut memory[place(number)..][..BLOCK];
+    block[..FIRST].copy_from_slice(&[before, number.into(), end, mark]);
+    block.iter_mut().skip(FIRST).zip(bits).for_each(|(to, word)| *to = *word);
 }
 
 /// Whether entries are there.
@@ -122,7 +180,7 @@ impl Writer {
         let words = entry.first().map_or(0, |head| head.to_le_bytes()[2]);
         // More than it can take: a word that is not as guessed is 36 bits and a number.
         if self.at + 336 + usize::from(words) * 80 > MOST {
-            self.number = before(self.number, NUMBERS);
+            self.number = after(self.number);
             let number = u32::from(self.number);
             memory[NEWEST] = number;
             let block = &mut memory[place(self.number)..];
@@ -266,7 +324,7 @@ impl Reader {
             if number == newest {
                 return;
             }
-            number = self.begin(before(number, NUMBERS));
+            number = self.begin(after(number));
         }
     }
 }

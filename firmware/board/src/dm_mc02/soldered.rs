@@ -4,6 +4,8 @@ use core::cell::Cell;
 use core::sync::atomic::Ordering;
 
 use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
+#[cfg(feature = "black-box")]
+use embassy_futures::join::join;
 use embassy_futures::join::{join3, join5};
 use embassy_stm32::exti::{self, ExtiInput};
 use embassy_stm32::gpio::{self, Level, Pull, Speed};
@@ -83,7 +85,7 @@ pub async fn serve<N: Names>(
     soldered: Soldered,
     outputs: &[Output],
 ) {
-    let Soldered { imu, heater, lamp, buzzer, supply, key, outputs: pins } = soldered;
+    let Soldered { imu, heater, lamp, buzzer, supply, key, outputs: pins, .. } = soldered;
     // When the buses run, and with them all that keeps motors safe.
     let mut ticks = TickWatch::new(shared.ports);
     loop {
@@ -150,6 +152,8 @@ pub async fn serve<N: Names>(
             key.wait_for_high().await;
         }
     };
+    #[cfg(feature = "black-box")]
+    let beep = join(beep, super::matches::keep(soldered.memory, &shared.switch));
     let parts = join5(tell_heading(shared, imu, &temperature), heat, lamp, measure, beep);
     join3(parts, stop, switch_on).await;
 }

@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_link::PIECE;
-use rc10_motor::record::TICK;
+use rc10_motor::record::pages::{ERASED, Head, PAGES, ROUNDS};
 use rc10_motor::record::ring::{CAUSE, HELD};
+use rc10_motor::record::{LOST, TICK};
 use rc10_time::Micros;
 
 use super::session::{Session, stop};
@@ -18,7 +19,7 @@ use crate::lang::Language;
 use crate::recording::sample::seconds;
 use crate::replay::entries::entries;
 use crate::terminal::{Progress, tell};
-use crate::world::black_box::{BYTES, BlackBox};
+use crate::world::black_box::{BYTES, BlackBox, PAGE_BYTES, pages};
 use crate::world::robot::Robot;
 
 /// Arguments of `rc10 blackbox`.
@@ -26,6 +27,9 @@ use crate::world::robot::Robot;
 pub struct BlackBoxArgs {
     #[command(flatten)]
     pub(crate) running: RunningArgs,
+    /// A match in the board's flash, in place of what is in its RAM: 1 or nothing is the newest, 2 the one before
+    #[arg(long = "match", value_name = "N", num_args = 0..=1, default_missing_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
+    pub round: Option<u16>,
     /// The file, for rc10 replay
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
@@ -53,35 +57,18 @@ pub fn black_box(args: &BlackBoxArgs, robot: Robot<'_>, out: &mut dyn Write) -> 
         path.file_name().and_then(|it| it.to_str()).context("--output: no name of a file")?;
     let ended = stop()?;
     let mut session = Session::meet(args.running.open(&robot)?)?;
-    let mut memory = fetch(&mut session, BYTES.div_ceil(PIECE), &ended)?;
-    ensure!(
-        memory.len() == BYTES,
-        "its black box is that of another program: {} bytes",
-        memory.len()
-    );
-    let end = fetch(&mut session, 1, &ended)?;
-    let mut black_box = BlackBox::default();
-    let gone = black_box.copied(&mut memory, &end);
-    ensure!(black_box.is_kept(), "its black box is empty");
-    let words = black_box.news();
+    let (bytes, words, notes) = match args.round {
+        None => ring(&mut session, &ended)?,
+        Some(back) => kept_match(&mut session, back, &ended)?,
+    };
     let ticks = entries(&words).filter(|it| it.kind == TICK).map(|it| Micros::new(it.long(0)));
     let (first, last) = ticks.fold((None, Micros::ZERO), |(first, _), it| (first.or(Some(it)), it));
-    write_file(path.parent().unwrap_or_else(|| Path::new("")), name, &memory)?;
+    write_file(path.parent().unwrap_or_else(|| Path::new("")), name, &bytes)?;
     let first = first.unwrap_or(last);
     let (from, to, length) = (seconds(first), seconds(last), seconds(last.since(first)));
     let mut lines =
         vec![format!("{length} s, from {from} s to {to} s after its start: {}", path.display())];
-    match black_box.word(HELD) {
-        0 => lines.push("the robot runs: it is no crash".into()),
-        left => {
-            let cause = CAUSES.get(black_box.word(CAUSE) as usize).unwrap_or(&CAUSES[0]);
-            lines.push((*cause).into());
-            lines.push(format!("the robot keeps it until it is armed {left} times more"));
-        }
-    }
-    if gone > 0 {
-        lines.push(format!("{gone} of 32 blocks were overwritten meanwhile, and are left out"));
-    }
+    lines.extend(notes);
     lines.push(format!("next: rc10 replay {}", path.display()));
     let spoken = Language::spoken();
     for line in lines {
@@ -90,11 +77,96 @@ pub fn black_box(args: &BlackBoxArgs, robot: Robot<'_>, out: &mut dyn Write) -> 
     Ok(())
 }
 
-/// The first pieces, at least so many; fails if they do not come.
-fn fetch(session: &mut Session<'_>, least: usize, ended: &AtomicBool) -> Result<Vec<u8>> {
+/// What was fetched, the words of its entries, and what is to be said of it.
+type Fetched = (Vec<u8>, Vec<u32>, Vec<String>);
+
+/// Pieces of the ring in RAM.
+const RING: usize = BYTES.div_ceil(PIECE);
+
+fn ring(session: &mut Session<'_>, ended: &AtomicBool) -> Result<Fetched> {
+    let mut memory = fetch(session, 0, RING, ended)?;
+    ensure!(
+        memory.len() == BYTES,
+        "its black box is that of another program: {} bytes",
+        memory.len()
+    );
+    let end = fetch(session, 0, 1, ended)?;
+    let mut black_box = BlackBox::default();
+    let gone = black_box.copied(&mut memory, &end);
+    ensure!(black_box.is_kept(), "its black box is empty");
+    let mut notes = Vec::new();
+    match black_box.word(HELD) {
+        0 => notes.push("the robot runs: it is no crash".into()),
+        left => {
+            let cause = CAUSES.get(black_box.word(CAUSE) as usize).unwrap_or(&CAUSES[0]);
+            notes.push((*cause).into());
+            notes.push(match left {
+                1 => "the robot keeps it until it is armed once more".into(),
+                left => format!("the robot keeps it until it is armed {left} times more"),
+            });
+        }
+    }
+    if gone > 0 {
+        notes.push(format!("{gone} of 32 blocks were overwritten meanwhile, and are left out"));
+    }
+    Ok((memory, black_box.news(), notes))
+}
+
+/// The match so many from the newest, which is 1.
+fn kept_match(session: &mut Session<'_>, back: u16, ended: &AtomicBool) -> Result<Fetched> {
+    let numbers = fetch(session, RING, 1, ended)?;
+    let [next, newest] = [0, 4].map(|at| numbers.get(at..at + 4).and_then(|it| it.try_into().ok()));
+    let (next, newest) = (next.map_or(0, u32::from_le_bytes), newest.map_or(0, u32::from_le_bytes));
+    let mut read = |page: u32, count: u32| -> Result<Vec<u8>> {
+        let from = (page % PAGES) as usize * PAGE_BYTES;
+        let (piece, skipped) = (from / PIECE, from % PIECE);
+        let length = count as usize * PAGE_BYTES;
+        let bytes = fetch(session, RING + 1 + piece, (skipped + length).div_ceil(PIECE), ended)?;
+        Ok(bytes.into_iter().skip(skipped).take(length).collect())
+    };
+    // How many matches a page is before the newest.
+    let age = |head: Head| (newest as u16).wrapping_sub(head.round) & ROUNDS;
+    // The parts that are not erased ahead; the match begins in the one before the first that begins with it.
+    let (mut low, mut high) =
+        (next.saturating_sub(PAGES - 2 * ERASED).div_ceil(ERASED), next.div_ceil(ERASED));
+    let oldest = low;
+    while low < high {
+        let middle = u32::midpoint(low, high);
+        let page = read(middle * ERASED, 1)?;
+        match pages(&page).next() {
+            Some((head, ..)) if head.number == middle * ERASED && age(head) < back => high = middle,
+            _ => low = middle + 1,
+        }
+    }
+    let (mut bytes, mut page) = (Vec::new(), low.saturating_sub(1).max(oldest) * ERASED);
+    let mut ends = false;
+    while page < next && !ends {
+        let part = read(page, ERASED.min(next - page))?;
+        for (head, _, page) in pages(&part) {
+            if age(head) + 1 == back {
+                bytes.extend(page);
+            }
+            ends |= age(head) + 1 < back;
+        }
+        page += ERASED;
+    }
+    ensure!(!bytes.is_empty(), "there is no such match in its flash");
+    let (_, words) = BlackBox::of_pages(&bytes).unwrap_or_default();
+    let lost: u32 = entries(&words).filter(|it| it.kind == LOST).map(|it| it.word(0)).sum();
+    let notes = (lost > 0).then(|| format!("{lost} words in it are missing"));
+    Ok((bytes, words, notes.into_iter().collect()))
+}
+
+/// So many pieces from one on; fails if they do not come.
+fn fetch(
+    session: &mut Session<'_>,
+    first: usize,
+    count: usize,
+    ended: &AtomicBool,
+) -> Result<Vec<u8>> {
     let mut progress = Progress::new();
-    let (mut begin, mut known) = (session.now(), 0);
-    session.client.fetch_black_box();
+    let (mut begin, mut known) = (session.now(), first);
+    session.client.fetch_black_box(first);
     loop {
         session.step()?;
         let (pieces, of, refused) = session.client.black_box();
@@ -103,11 +175,16 @@ fn fetch(session: &mut Session<'_>, least: usize, ended: &AtomicBool) -> Result<
                 "its program has no black box: build it with --features rc10-board/black-box (it answers: {why})"
             );
         }
-        if of > 1 && pieces.len() >= least.min(of) {
-            return Ok(pieces.iter().flatten().flatten().copied().collect());
+        ensure!(of > first, "its board keeps no matches: a DM-MC02 does");
+        if pieces.len() >= first + count || of > first + 1 && pieces.len() == of {
+            return Ok(pieces[first..].iter().flatten().flatten().copied().collect());
         }
         let come = pieces.len();
-        progress.tell_of((come * PIECE / 1024) as u64, (of * PIECE / 1024) as f64, "KiB");
+        progress.tell_of(
+            ((come - first) * PIECE / 1024) as u64,
+            (count * PIECE / 1024) as f64,
+            "KiB",
+        );
         if come > known {
             (begin, known) = (session.now(), come);
         }

@@ -495,10 +495,10 @@ impl Client {
         }
     }
 
-    /// Asks for the chip's black box, or begins anew.
-    pub fn fetch_black_box(&mut self) {
+    /// Asks for the chip's black box, from a piece on.
+    pub fn fetch_black_box(&mut self, first: usize) {
         // How many pieces there are comes with the first one.
-        let pieces = Table { rows: vec![None], ..Table::default() };
+        let pieces = Table { rows: vec![None; first + 1], fresh: first, asked: None };
         self.pieces = Some((pieces, self.next_id));
     }
 
@@ -622,7 +622,10 @@ impl Client {
             Tell::BlackBox { index, of, bytes } => {
                 if let Some((pieces, _)) = &mut self.pieces {
                     pieces.size(of.max(1));
-                    pieces.put(index, bytes.to_vec());
+                    // Without bytes the memory is busy.
+                    if !bytes.is_empty() {
+                        pieces.put(index, bytes.to_vec());
+                    }
                 }
             }
             Tell::Answer { id, outcome } => {

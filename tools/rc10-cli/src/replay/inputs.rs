@@ -32,13 +32,18 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Reads a record, or a chip's memory.
+    /// Reads a record, a chip's memory, or a match of its board's flash.
     ///
     /// # Errors
     /// It is neither, or has no inputs.
     pub fn read(file: &mut (impl Read + Seek)) -> Result<Self> {
         let mut memory = Vec::new();
-        file.take(black_box::BYTES as u64).read_to_end(&mut memory)?;
+        file.by_ref().take(black_box::BYTES as u64).read_to_end(&mut memory)?;
+        if black_box::pages(&memory[..memory.len().min(black_box::PAGE_BYTES)]).next().is_some() {
+            file.read_to_end(&mut memory)?;
+            let (black_box, words) = BlackBox::of_pages(&memory).unwrap_or_default();
+            return Ok(Self { words, black_box: Some(black_box), ..Self::default() });
+        }
         if let Some(mut black_box) = BlackBox::of(&memory) {
             let words = black_box.news();
             return Ok(Self { words, black_box: Some(black_box), ..Self::default() });

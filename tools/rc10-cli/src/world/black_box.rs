@@ -1,11 +1,33 @@
-//! The black box of a chip, as it lies in its memory: [`rc10_motor::record::ring`].
+//! The black box of a chip, as it lies in its memory: [`rc10_motor::record::ring`]; and matches in its board's flash:
+//! [`rc10_motor::record::pages`].
 
+use rc10_motor::record::pages::{Head, PAGE, PAGES, Page};
 use rc10_motor::record::ring::{self, Memory, Reader, WORDS};
 
 /// The symbol of the program.
 pub(crate) const NAME: &str = "RC10_BLACK_BOX";
 /// All of it.
 pub(crate) const BYTES: usize = 4 * WORDS;
+
+/// Bytes of a page.
+pub(crate) const PAGE_BYTES: usize = 4 * PAGE;
+
+/// The pages in a copy of a flash or of a part of it that are whole, and what they say of themselves.
+pub(crate) fn pages(bytes: &[u8]) -> impl Iterator<Item = (Head, Page, &[u8; PAGE_BYTES])> {
+    bytes.as_chunks::<PAGE_BYTES>().0.iter().filter_map(|bytes| {
+        let words = bytes.as_chunks().0;
+        let page = core::array::from_fn(|at| u32::from_le_bytes(words[at]));
+        Some((Head::of(&page, page[1] % PAGES)?, page, bytes))
+    })
+}
+
+/// A block of a ring as far as its pages are there.
+struct Block {
+    number: u16,
+    before: u32,
+    bits: Vec<u32>,
+    length: usize,
+}
 
 /// What is read of a black box as it is filled.
 pub(crate) struct BlackBox {
@@ -29,6 +51,37 @@ impl BlackBox {
         let mut it = Self::default();
         it.fill(memory);
         (memory.len() == BYTES && it.is_kept()).then_some(it)
+    }
+
+    /// The pages of a match in their order: the memory in the end, and the words of all entries. `None`: they are no pages.
+    pub(crate) fn of_pages(bytes: &[u8]) -> Option<(Self, Vec<u32>)> {
+        let (mut blocks, mut print, mut next) = (Vec::<Block>::new(), 0, None);
+        for (head, page, _) in pages(bytes) {
+            if head.is_first {
+                let (number, before) = (head.block, head.word);
+                blocks.push(Block { number, before, bits: Vec::new(), length: 0 });
+            } else if next == Some(head.number) {
+                print = head.word;
+            } else {
+                // The block has ended before: by a page that is not whole.
+                continue;
+            }
+            let block = blocks.last_mut()?;
+            block.bits.extend(head.content(&page));
+            block.length += head.bits(&page);
+            next = (!head.is_last).then(|| head.number.wrapping_add(1));
+        }
+        let (mut it, mut words) = (Self::default(), Vec::new());
+        // Zeros would be a block of number 0.
+        it.memory.fill(u32::MAX);
+        let ends = blocks.iter().skip(1).chain(blocks.last()).map(|it| it.before);
+        for (block, end) in blocks.iter().zip(ends) {
+            let Block { number, before, bits, length } = block;
+            ring::put_block(&mut it.memory, *number, [*before, end], bits, *length);
+            words.extend(it.news());
+        }
+        it.memory[ring::PRINT] = print;
+        (!blocks.is_empty()).then_some((it, words))
     }
 
     /// Takes a copy, at the end of which the memory began like this; what was overwritten meanwhile is taken out of it.

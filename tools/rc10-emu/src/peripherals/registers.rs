@@ -122,8 +122,12 @@ pub(super) const DEBUG: &[Register] = &[
 pub(super) const OCTOSPIM: &[Register] =
     &[plain(0x00, 0), plain(P1CR, P1CR_RESET), plain(0x08, 0x0705_0333)];
 pub(super) const P1CR: u32 = 0x04;
-/// OCTOSPI1's clock, select and lower data lines: all on.
-pub(super) const P1CR_RESET: u32 = 0x0301_0111;
+const P1CR_RESET: u32 = 0x0301_0111;
+/// Whether port 1 has OCTOSPI1's clock, select and lower data lines: `CLKEN`, `NCSEN`, `IOLEN`, and their sources 0
+/// (RM0468, `OCTOSPIM_PnCR`). The upper data lines and DQS have no pin at this memory.
+pub(super) const fn is_octospi_1(p1cr: u32) -> bool {
+    p1cr & 0x0007_0303 == 0x0001_0101
+}
 
 /// SYSCFG's `PMCR`: the switch of PC2 is bit 26, of PC3 bit 27; 0 is closed (RM0468, `PCxSO`).
 pub(super) const PMCR: u32 = 0x04;

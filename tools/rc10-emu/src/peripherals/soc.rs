@@ -709,7 +709,7 @@ impl Soc {
             })
         });
         self.octospi.connected =
-            is_wired && self.octospi_manager.value(registers::P1CR) == registers::P1CR_RESET;
+            is_wired && registers::is_octospi_1(self.octospi_manager.value(registers::P1CR));
         let mut fdcans = lock(&self.fdcan);
         for index in 0..3 {
             let pins = [Signal::CanReceive(index), Signal::CanTransmit(index)];
