@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
+use rc10_cli::formats::slcan::{Adapter, Flow};
 use rc10_cli::robot::remote::{Receiver, ReceiverPort, ReceiverWire, mixer};
 use rc10_cli::world::environment::Environment;
 use rc10_cli::{CommandLine, Simulated as _};
@@ -184,6 +185,27 @@ fn line(name: &str, keeps: Micros) -> (Cable, Seen) {
     (cable, seen)
 }
 
+/// The wheel behind an adapter for its bus.
+fn wheel(name: &str) -> (Cable, Seen) {
+    let seen = Seen::default();
+    let told = Arc::clone(&seen);
+    let cable = Cable::begin(name, move || {
+        let mut around = Environment::new(&legs::Robot::description(), 1).unwrap();
+        let mut adapter = Adapter::new(around.wires[0].clone(), Flow::Lossy(65_536), true);
+        let mut tasks = Tasks::new();
+        move |now, heard: &[u8]| {
+            around.run(&mut tasks, now);
+            adapter.hear();
+            *told.lock().unwrap() = vec![around.motors[2].state()];
+            for command in adapter.take(heard) {
+                adapter.answer(command);
+            }
+            adapter.out().drain(..).collect()
+        }
+    });
+    (cable, seen)
+}
+
 fn legs_turn(seen: &Seen) -> bool {
     let legs = seen.lock().unwrap();
     legs.len() == 2 && legs.iter().all(|it| it.output_rpm > 20.0)
@@ -239,6 +261,53 @@ fn legs_on_a_real_line_turn_are_unplugged_and_come_back_and_a_bus_beside_goes_on
     until("the robot tells its state", || arm_state(page) == Some(0));
     sleep(Duration::from_secs(2));
     assert!(legs_stand(&legs));
+}
+
+#[test]
+fn adapters_that_were_gone_at_once_come_back_to_a_disarmed_robot() {
+    let ((line, legs), (bus, wheel)) = (line("mixed-line", Micros::ZERO), wheel("mixed-bus"));
+    let (_drive, page) =
+        begin(&mut drive_legs(&["--bus", &bus.place("1"), "--line", &line.place("1")]));
+    let wheel_turns = || wheel.lock().unwrap().iter().any(|it| it.output_rpm > 20.0);
+    let has_torque = || wheel.lock().unwrap().iter().any(|it| it.command != 0);
+    let all_turn = || legs_turn(&legs) && wheel_turns();
+    until("the robot knows itself", || state(page)["whole"] == true);
+    until("the robot tells its state", || arm_state(page) == Some(0));
+    let hand = Hand::take(page);
+    let hold = |stick, switch| hand.hold(stick, switch);
+
+    // One alone comes back as itself.
+    is_driven_by(page, hold, all_turn);
+    for (cable, its) in [(&line, "line 1: "), (&bus, "bus 1: ")] {
+        cable.unplug(true);
+        until("it is told", || trouble(page, its));
+        cable.unplug(false);
+        until("it is well again", || state(page)["trouble"].is_null());
+        until("all turn", all_turn);
+    }
+
+    line.unplug(true);
+    until("it is told", || trouble(page, "line 1: "));
+    bus.unplug(true);
+    until("it is told", || trouble(page, "bus 1: "));
+    assert_eq!(arm_state(page), Some(1));
+    let is_disarmed = || {
+        until("it is disarmed", || arm_state(page) == Some(0));
+        // The wheel coasts.
+        until("it has no torque", || !has_torque());
+        for _ in 0..20 {
+            assert!(arm_state(page) == Some(0) && !has_torque() && !legs_turn(&legs));
+            sleep(Duration::from_millis(100));
+        }
+    };
+    // Each of them, also if a hand has armed in between.
+    bus.unplug(false);
+    is_disarmed();
+    is_driven_by(page, hold, wheel_turns);
+    line.unplug(false);
+    is_disarmed();
+    assert_eq!(state(page)["trouble"], Value::Null);
+    is_driven_by(page, hold, all_turn);
 }
 
 #[test]

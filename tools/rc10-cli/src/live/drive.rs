@@ -4,7 +4,7 @@
 //! Its time is the clock's, in steps of a millisecond: each takes what the adapters have heard, lets the robot go on up
 //! to now, and gives them what it sends. A PC keeps no time to the microsecond: the worst delay of a step is told. A
 //! step that comes late is as long as it was late; so what has expired meanwhile has, and of what the robot would have
-//! sent only the newest leaves. After a PC that slept it is disarmed.
+//! sent only the newest leaves. After a PC that slept it is disarmed, and when adapters are back that were gone at once.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -198,6 +198,11 @@ impl Adapter {
         }
     }
 
+    /// One in the network has its address to itself; a name of this PC may be another adapter's when it is back.
+    fn is_gone(&self) -> bool {
+        self.port.is_none() && !self.at.starts_with("tcp:")
+    }
+
     /// Frames that the adapter of a bus refused.
     fn refused(&self) -> u64 {
         if let RealEnd::Frames(host) = &self.end { host.counts().refused } else { 0 }
@@ -257,6 +262,8 @@ pub(super) struct Driven<'r, W: Running> {
     robot: W,
     line: ConsoleLine,
     adapters: Vec<Adapter>,
+    /// Several of them were gone at once, and not all are back: those that come may have exchanged their names.
+    may_be_mixed: bool,
     ports: Ports<'r>,
     /// When it began, by this PC's clock, and the share of that clock's pace.
     began: (Instant, f64),
@@ -333,9 +340,19 @@ impl<'r, W: Running> Driven<'r, W> {
             );
         }
         let line = robot.console().cloned().context("no console")?;
-        let (began, dated) = ((Instant::now(), pace), SystemTime::now());
-        let (slept, worst) = (Duration::ZERO, Micros::ZERO);
-        Ok(Self { robot, line, adapters, ports, began, slept, dated, steps: 0, late: 0, worst })
+        Ok(Self {
+            robot,
+            line,
+            adapters,
+            may_be_mixed: false,
+            ports,
+            began: (Instant::now(), pace),
+            slept: Duration::ZERO,
+            dated: SystemTime::now(),
+            steps: 0,
+            late: 0,
+            worst: Micros::ZERO,
+        })
     }
 }
 
@@ -343,6 +360,22 @@ impl<W: Running> Driven<'_, W> {
     fn disarm(&self) {
         if let Some(switch) = self.ports.switch {
             switch.disarm();
+        }
+    }
+
+    /// Disarms, if an adapter is back that may be another one: before the robot's next tick.
+    fn mistrust(&mut self, were_gone: &[bool]) {
+        let were_gone = self.adapters.iter().zip(were_gone);
+        // Also one that has just come, perhaps as the one that has just gone.
+        let gone = were_gone.clone().filter(|(it, was_gone)| **was_gone || it.is_gone()).count();
+        self.may_be_mixed = gone > 1 || gone == 1 && self.may_be_mixed;
+        let mut back = were_gone.filter(|(it, was_gone)| **was_gone && !it.is_gone());
+        if let (true, Some((Adapter { what, at, .. }, _))) = (self.may_be_mixed, back.next()) {
+            tell(format_args!(
+                "{what}: {at} is back, but not it alone was gone, and adapters may have exchanged their names: \
+                 disarmed; names in /dev/serial/by-path stay with the USB socket"
+            ));
+            self.disarm();
         }
     }
 
@@ -356,7 +389,9 @@ impl<W: Running> Driven<'_, W> {
         self.steps += 1;
         self.late += u64::from(delay.get() > 500);
         self.worst = self.worst.max(delay);
+        let were_gone: Vec<_> = self.adapters.iter().map(Adapter::is_gone).collect();
         let heard: Vec<_> = self.adapters.iter_mut().map(Adapter::read).collect();
+        self.mistrust(&were_gone);
         // What came while this PC was late came all the time.
         let pieces = (now.since(before).get() / STEP.get()) as usize;
         for piece in 1..=pieces {
