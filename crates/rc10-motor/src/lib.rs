@@ -116,7 +116,7 @@ pub use {rc10_app, rc10_can, rc10_time};
 /// The parts of [`motors!`](crate::motors) that its expansion names.
 #[doc(hidden)]
 pub mod __declaration {
-    pub use crate::declaration::check::{assert_sound, is_same};
+    pub use crate::declaration::check::{assert_sound, is_same, late};
     pub use crate::declaration::slots::{
         Held, Placed, label, label_length, place, places, prepare, slots,
     };

@@ -38,8 +38,9 @@ use rc10_link::frame::{self, AROUND, FromBoard};
 use rc10_message::{Stamped, now};
 use rc10_module::remote::RemoteLink;
 use rc10_module::{Reception, Stream};
+use rc10_motor::__declaration::late;
 use rc10_motor::embassy::{Filter, Received};
-use rc10_motor::plan::{Extra, Plan, Sort};
+use rc10_motor::plan::{Extra, Plan};
 use rc10_motor::{CanIds, Device, Entry, Frames, Names, Place, Rate, Wiring};
 use rc10_time::Micros;
 use serde::Serialize;
@@ -339,22 +340,16 @@ const fn is_in_time(
     let (plan, mut sort) = (with_frames(motors, first, topics), 0);
     while sort < plan.sorts().len() {
         let is_late = if sort < of_motors {
-            plan.is_feedback(sort) && {
-                let Sort { motor, command, .. } = plan.sorts()[sort];
-                let entry = if motor < leader.len() {
-                    &leader[motor]
-                } else {
-                    &follower[motor - leader.len()]
-                };
-                match (entry.most_age, command) {
-                    (Some(allowed), _) => is_above(plan.age(sort), allowed.get() as u32),
-                    (None, Some(command)) => is_above(plan.response(command), plan.period(command)),
-                    (None, None) => false,
-                }
-            }
+            let motor = plan.sorts()[sort].motor;
+            let entry =
+                if motor < leader.len() { &leader[motor] } else { &follower[motor - leader.len()] };
+            late(&plan, sort, entry.most_age).is_some()
         } else {
             // From when it was due: an arm state that changes counts as one that is four milliseconds early.
-            is_above(plan.response(sort), plan.period(sort) - 1000 + LATEST)
+            match plan.response(sort) {
+                Some(time) => time > plan.period(sort) - 1000 + LATEST,
+                None => true,
+            }
         };
         if is_late {
             return false;
@@ -362,13 +357,6 @@ const fn is_in_time(
         sort += 1;
     }
     true
-}
-
-const fn is_above(time: Option<u32>, most: u32) -> bool {
-    match time {
-        Some(time) => time > most,
-        None => true,
-    }
 }
 
 /// Why a value is not told. Of whole numbers the form on the wire is up to an eighth longer than their size.

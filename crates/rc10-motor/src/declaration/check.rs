@@ -9,7 +9,7 @@ use crate::bus::MotorBus;
 use crate::can_ids::{CanIds, Clash, MotorName};
 use crate::load::{BusLoad, LoadSum};
 use crate::motors::{AttachError, MotorId};
-use crate::plan::{Extra, Plan, Sort};
+use crate::plan::{Extra, Plan};
 use crate::table::Room;
 use crate::unitree::Rs485Bus;
 
@@ -187,6 +187,22 @@ pub const fn check(entries: &[Entry<Device>], buses: &[f32], lines: u8) -> Resul
 /// No error frames, and nothing is set up.
 const STEADY: Extra = Extra { errors: 0, set_up: false };
 
+/// Whether the feedback at this place of a plan is older than it may be, or its motor's command late.
+pub const fn late(plan: &Plan, at: usize, most_age: Option<Micros>) -> Option<Unsound> {
+    match (most_age, plan.sorts()[at].command) {
+        _ if !plan.is_feedback(at) => None,
+        (None, None) => None,
+        (None, Some(command)) => match plan.response(command) {
+            Some(most) if most <= plan.period(command) => None,
+            most => Some(Unsound::LateCommand { most, next: plan.period(command) }),
+        },
+        (Some(allowed), _) => match plan.age(at) {
+            Some(most) if most as u64 <= allowed.get() => None,
+            most => Some(Unsound::OldFeedback { most, allowed }),
+        },
+    }
+}
+
 /// Whether each command arrives in its tick, and each feedback is as young in it as it must be.
 const fn check_times(entries: &[Entry<Device>], buses: usize) -> Result<(), SetupError> {
     let mut bus = 1;
@@ -195,21 +211,8 @@ const fn check_times(entries: &[Entry<Device>], buses: usize) -> Result<(), Setu
         let plan = Plan::of(entries, Place::Bus(bus as u8), STEADY);
         let mut at = 0;
         while at < plan.sorts().len() {
-            let Sort { motor, command, .. } = plan.sorts()[at];
-            let Entry { label, on, most_age, .. } = entries[motor];
-            let why = match (most_age, command) {
-                _ if !plan.is_feedback(at) => None,
-                (None, None) => None,
-                (None, Some(command)) => match plan.response(command) {
-                    Some(most) if most <= plan.period(command) => None,
-                    most => Some(Unsound::LateCommand { most, next: plan.period(command) }),
-                },
-                (Some(allowed), _) => match plan.age(at) {
-                    Some(most) if most as u64 <= allowed.get() => None,
-                    most => Some(Unsound::OldFeedback { most, allowed }),
-                },
-            };
-            if let Some(why) = why {
+            let Entry { label, on, most_age, .. } = entries[plan.sorts()[at].motor];
+            if let Some(why) = late(&plan, at, most_age) {
                 return Err(SetupError { label, on, why });
             }
             at += 1;
