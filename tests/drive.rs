@@ -244,6 +244,24 @@ fn real_wheels_turn_by_the_page_s_remote_and_not_without_it() {
     drop(hand);
 }
 
+/// A PC that stands still, as by a program that takes all of it: the robot is disarmed before its next tick.
+#[test]
+#[cfg(unix)]
+fn behind_a_pc_that_stood_still_the_robot_is_disarmed() {
+    let motors = Motors::begin();
+    let (drive, page) = motors.drive();
+    let hand = is_driven(&motors, page);
+    let signal = |name: &str| {
+        let _ = Command::new("kill").args([name, &drive.0.id().to_string()]).status().unwrap();
+    };
+    signal("-STOP");
+    sleep(Duration::from_secs_f64(0.2 / PACE));
+    signal("-CONT");
+    until("it is disarmed", || arm_state(page) == Some(0));
+    until("the wheels have no torque", || have_no_torque(&motors));
+    drop(hand);
+}
+
 #[test]
 fn an_adapter_that_is_unplugged_is_told_and_comes_back() {
     let motors = Motors::begin();

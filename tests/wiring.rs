@@ -157,6 +157,7 @@ fn alternate_functions_are_those_of_the_chip() {
             "TIM" => "Timer",
             "SPI" if !what.starts_with("select") => "Spi",
             "I" | "I2C" => "I2c",
+            "OCTOSPI" => "Octo",
             _ => {
                 assert_eq!(function, "–", "{pin}, {signal}");
                 continue;

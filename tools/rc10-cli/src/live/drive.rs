@@ -4,7 +4,7 @@
 //! Its time is the clock's, in steps of a millisecond: each takes what the adapters have heard, lets the robot go on up
 //! to now, and gives them what it sends. A PC keeps no time to the microsecond: the worst delay of a step is told. A
 //! step that comes late is as long as it was late; so what has expired meanwhile has, and of what the robot would have
-//! sent only the newest leaves. After a PC that slept it is disarmed, and when adapters are back that were gone at once.
+//! sent only the newest leaves. After a PC that slept or stood still it is disarmed, and when adapters are back that were gone at once.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -37,6 +37,11 @@ const BAUD: u32 = 2_000_000;
 const STEP: Micros = Micros::from_millis(1);
 /// Steps between two looks of the pages, which take some milliseconds: the step behind them is late.
 const STEPS: u32 = 20;
+/// Delay of a step from which on the robot is disarmed: a remote that is not heard for so long is lost.
+const STALLED: Micros = Micros::from_millis(100);
+/// Delay above which a step counts as late in a second of so many. Of twenty the one behind the pages is.
+const LATE: Micros = Micros::from_millis(2);
+const SECOND: u32 = 1000;
 /// Period of attempts to open an adapter that is gone.
 const AGAIN: Duration = Duration::from_millis(200);
 /// Less than this the date may go on beyond the clock.
@@ -274,6 +279,9 @@ pub(super) struct Driven<'r, W: Running> {
     /// Steps that began later than half a millisecond, and the greatest delay.
     late: u64,
     worst: Micros,
+    /// Steps of this second, and those of them that were [`LATE`]; what is said of the second before.
+    second: [u32; 2],
+    trouble: Option<String>,
 }
 
 /// Fails if the robot has no such bus or line, two of them have one adapter, or one has two.
@@ -352,6 +360,8 @@ impl<'r, W: Running> Driven<'r, W> {
             steps: 0,
             late: 0,
             worst: Micros::ZERO,
+            second: [0; 2],
+            trouble: None,
         })
     }
 }
@@ -379,6 +389,18 @@ impl<W: Running> Driven<'_, W> {
         }
     }
 
+    /// Notes whether a step was late: one of ten is a trouble.
+    fn judge(&mut self, is_late: bool) {
+        let [steps, late] = &mut self.second;
+        (*steps, *late) = (*steps + 1, *late + u32::from(is_late));
+        if *steps == SECOND {
+            self.trouble = (*late > SECOND / 10).then(|| {
+                format!("this PC is too slow or busy: {late} of {steps} ticks came over 2 ms late")
+            });
+            self.second = [0; 2];
+        }
+    }
+
     fn step(&mut self) -> Result<()> {
         let before = self.robot.now();
         let (due, (began, pace)) = (before + STEP, self.began);
@@ -389,6 +411,12 @@ impl<W: Running> Driven<'_, W> {
         self.steps += 1;
         self.late += u64::from(delay.get() > 500);
         self.worst = self.worst.max(delay);
+        if delay >= STALLED {
+            // For so long its motors had their last commands, and no hand could stop them.
+            tell(format_args!("this PC stood still for {} ms: disarmed", delay.get() / 1000));
+            self.disarm();
+        }
+        self.judge(delay > LATE);
         let were_gone: Vec<_> = self.adapters.iter().map(Adapter::is_gone).collect();
         let heard: Vec<_> = self.adapters.iter_mut().map(Adapter::read).collect();
         self.mistrust(&were_gone);
@@ -424,7 +452,7 @@ impl<W: Running> Source for Driven<'_, W> {
     }
 
     fn trouble(&self) -> Option<&str> {
-        self.adapters.iter().find_map(|it| it.trouble.as_deref())
+        self.adapters.iter().find_map(|it| it.trouble.as_deref()).or(self.trouble.as_deref())
     }
 
     fn world(&mut self) -> Option<&mut dyn Running> {
