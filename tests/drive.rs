@@ -244,10 +244,10 @@ fn real_wheels_turn_by_the_page_s_remote_and_not_without_it() {
     drop(hand);
 }
 
-/// A PC that stands still, as by a program that takes all of it: the robot is disarmed before its next tick.
+/// A PC that stands still, as by a program that takes all of it: the robot is stopped before its next tick.
 #[test]
 #[cfg(unix)]
-fn behind_a_pc_that_stood_still_the_robot_is_disarmed() {
+fn behind_a_pc_that_stood_still_the_robot_is_stopped() {
     let motors = Motors::begin();
     let (drive, page) = motors.drive();
     let hand = is_driven(&motors, page);
@@ -257,7 +257,7 @@ fn behind_a_pc_that_stood_still_the_robot_is_disarmed() {
     signal("-STOP");
     sleep(Duration::from_secs_f64(0.2 / PACE));
     signal("-CONT");
-    until("it is disarmed", || arm_state(page) == Some(0));
+    until("it is stopped", || arm_state(page) == Some(3));
     until("the wheels have no torque", || have_no_torque(&motors));
     drop(hand);
 }

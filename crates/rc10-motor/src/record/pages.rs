@@ -2,7 +2,7 @@
 //! it from here.
 //!
 //! The flash is a ring of pages itself: the newest is that with the highest number. It records while the robot is armed,
-//! from some blocks before until some time after: a *match*. The page `docs/replay.md` says what stands where.
+//! from some blocks before until some time after: a *match*. What a crash has left in the ring is one of its own. The page `docs/replay.md` says what stands where.
 
 use rc10_time::Micros;
 
@@ -18,7 +18,7 @@ pub const ERASED: u32 = 256;
 
 /// Words before the content: hash of the rest, number of the page, number of match and block, and of the block's first
 /// page the stream's words before it; of others the program's fingerprint.
-const HEAD: usize = 4;
+pub const HEAD: usize = 4;
 /// Words of a block in a page.
 pub const CONTENT: usize = PAGE - HEAD;
 const IS_LAST: u32 = 1 << 15;
@@ -29,8 +29,8 @@ pub const ROUNDS: u16 = u16::MAX >> 1;
 
 /// Erased pages before the one that is written: what a slow erase of 2 s holds up, the ring has.
 const AHEAD: u32 = 256;
-/// Blocks from before arming: some 2 s, in which a replay finds the state of all motors.
-const BEFORE: u16 = 8;
+/// Blocks from before arming, half of the ring: a replay finds the state of all motors in them.
+const BEFORE: u16 = 16;
 /// Time after disarming that is recorded.
 const AFTER: Micros = Micros::from_millis(2_000);
 
@@ -82,16 +82,10 @@ impl Head {
         })
     }
 
-    /// The words of the block in its page.
-    #[must_use]
-    pub fn content(self, page: &Page) -> &[u32] {
-        &page[HEAD..]
-    }
-
     /// The number of the block's bits in its page.
     #[must_use]
     pub fn bits(self, page: &Page) -> usize {
-        let content = self.content(page);
+        let content = &page[HEAD..];
         let end = content.iter().rposition(|word| *word != 0).unwrap_or_default();
         let highest = content[end].checked_ilog2().unwrap_or_default() as usize;
         if self.is_last { end * 32 + highest } else { CONTENT * 32 }
@@ -120,6 +114,11 @@ pub struct Keeper {
     round: u16,
     /// The block of the ring that is written, and how many of its words are.
     at: Option<(u16, usize)>,
+    /// Whether that is of what a crash has left, whether its first page is the first of a match, and whether what a crash has
+    /// left is written.
+    is_crash: bool,
+    begins: bool,
+    has_crash: bool,
     until: Option<Micros>,
 }
 
@@ -140,54 +139,57 @@ impl Keeper {
         erased: 0,
         round: 0,
         at: None,
+        is_crash: false,
+        begins: false,
+        has_crash: false,
         until: None,
     };
 
-    /// Goes on by at most one operation of the flash; `part` is [`ring::part`] of the ring that is kept. Returns
-    /// whether it has something to do.
+    /// Goes on by at most one operation of the flash; `part` is [`ring::part`] of the ring that is kept.
     pub fn step(
         &mut self,
         flash: &mut impl Flash,
         mut part: impl FnMut(u16, usize, &mut [u32]) -> Part,
         is_armed: bool,
         now: Micros,
-    ) -> bool {
-        if is_armed {
-            self.until = Some(now + AFTER);
+    ) {
+        let mut page = [0; PAGE];
+        let (block, words) = self.at.unwrap_or_default();
+        let Part { newest, is_there, before, length, print, is_held } =
+            part(block, words, &mut page[HEAD..]);
+        let left = length.saturating_sub(words * 32);
+        self.until = if is_armed { Some(now + AFTER) } else { self.until.filter(|it| now < *it) };
+        // What a crash has left is a match of its own.
+        let is_wanted = if is_held { !self.has_crash } else { self.until.is_some() };
+        let is_written = newest == block && left < CONTENT * 32;
+        if self.at.is_some() && (self.is_crash != is_held || !is_wanted && is_written) {
+            self.at = None;
+            return;
+        }
+        if is_wanted && self.at.is_none() || self.at.is_some() && !is_there {
+            // The oldest, if it was overwritten: a reader sees how much is missing.
+            let is_new = self.at.is_none();
+            let back = if is_new && !is_held { BEFORE } else { ring::BLOCKS };
+            let mut blocks = (0..back).rev().map(|back| ring::before(newest, back));
+            let oldest = blocks.find(|it| part(*it, 0, &mut []).is_there).unwrap_or(newest);
+            (self.at, self.is_crash, self.begins) =
+                (Some((oldest, 0)), is_held, self.begins || is_new);
+            return;
         }
         if flash.is_busy() {
-            return true;
+            return;
         }
         if !matches!(self.search, Search::Done) {
-            self.look(flash);
-            return true;
+            return self.look(flash);
         }
         if self.erased.wrapping_sub(self.next) < AHEAD {
             flash.erase(self.erased % PAGES);
             self.erased = self.erased.wrapping_add(ERASED);
-            return true;
+            return;
         }
-        self.until = self.until.filter(|until| now < *until);
-        let mut page = [0; PAGE];
-        let (block, words) = self.at.unwrap_or_default();
-        let part_now = part(block, words, &mut page[HEAD..]);
-        if self.until.is_none() || part_now.is_held {
-            self.at = None;
-            return false;
-        }
-        if self.at.is_none() || !part_now.is_there {
-            // The oldest, if that was overwritten: a reader sees how much is missing.
-            let back = if self.at.is_none() { BEFORE } else { ring::BLOCKS };
-            let blocks = (0..back).rev().map(|back| ring::before(part_now.newest, back));
-            let oldest = blocks.into_iter().find(|it| part(*it, 0, &mut []).is_there);
-            self.round = (self.round + u16::from(self.at.is_none())) & ROUNDS;
-            self.at = Some((oldest.unwrap_or(part_now.newest), 0));
-            return true;
-        }
-        let left = part_now.length.saturating_sub(words * 32);
-        let is_last = part_now.newest != block && left < CONTENT * 32;
-        if left < CONTENT * 32 && !is_last {
-            return true;
+        let is_last = (newest != block || is_held) && left < CONTENT * 32;
+        if self.at.is_none() || left < CONTENT * 32 && !is_last {
+            return;
         }
         if is_last {
             // A one behind its end.
@@ -195,24 +197,32 @@ impl Keeper {
             page[HEAD + left / 32] |= 1 << (left % 32);
             page[HEAD + left / 32 + 1..].fill(0);
         }
+        self.round = (self.round + u16::from(self.begins)) & ROUNDS;
+        self.begins = false;
         let of = u32::from(self.round) << MATCH | u32::from(block);
         let (first, last) = (u32::from(words == 0) * IS_FIRST, u32::from(is_last) * IS_LAST);
         page[1..HEAD].copy_from_slice(&[
             self.next,
             of | first | last,
-            if words == 0 { part_now.before } else { part_now.print },
+            if words == 0 { before } else { print },
         ]);
         page[0] = hash(&page);
         flash.program(self.next % PAGES, &page);
         self.next = self.next.wrapping_add(1);
         self.at = Some(if is_last { (ring::after(block), 0) } else { (block, words + CONTENT) });
-        true
+        if is_last && newest == block {
+            (self.has_crash, self.at) = (true, None);
+        }
     }
 
-    /// The number of the next page, and that of the newest match.
+    /// The number of the next page, and that of the newest match; `None` before they are known.
     #[must_use]
-    pub const fn next(&self) -> [u32; 2] {
-        [self.next, self.round as u32]
+    pub const fn next(&self) -> Option<[u32; 2]> {
+        if matches!(self.search, Search::Done) {
+            Some([self.next, self.round as u32])
+        } else {
+            None
+        }
     }
 
     /// Looks at a page, in search of the newest.

@@ -14,7 +14,9 @@ use rc10_motor::{ArmState, ArmSwitch};
 use rc10_tasks::live::{BlackBox, PIECE};
 
 /// Period of looking whether a page is full, or written.
-const LOOK: Duration = Duration::from_millis(2);
+const LOOK: Duration = Duration::from_millis(1);
+/// For so many periods a flash may go on with what it did before a restart.
+const PATIENCE: u32 = 3_000;
 
 /// Select, clock, data lines 0 to 3.
 pub(super) type MemoryParts = (
@@ -28,8 +30,8 @@ pub(super) type MemoryParts = (
 );
 
 static FLASH: Place = Place::NEW;
-/// Number of the next page, and of the newest match.
-static NEXT: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
+/// Number of the next page, and of the newest match, once they are known.
+static NEXT: [AtomicU32; 2] = [const { AtomicU32::new(u32::MAX) }; 2];
 
 /// Bytes of the pieces before that with `NEXT`, which is one before the flash.
 const RING: usize = (4 * WORDS).div_ceil(PIECE) * PIECE;
@@ -83,17 +85,23 @@ impl Flash for Pages<'_> {
 /// Keeps the matches, for ever.
 pub(super) async fn keep(memory: MemoryParts, switch: &ArmSwitch) {
     let (octospi, select, clock, data_0, data_1, data_2, data_3) = memory;
-    let flash = W25q64::start(|config| {
+    let mut flash = W25q64::start(|config| {
         Ospi::new_blocking_quadspi(
             octospi, clock, data_0, data_1, data_2, data_3, select, config,
         )
     });
-    if flash.is_none() {
-        defmt::warn!("the board's serial flash does not answer: no match is kept");
-        return;
+    let mut ticker = Ticker::every(LOOK);
+    let mut left = PATIENCE;
+    while !flash.is_there() {
+        left -= 1;
+        if left == 0 {
+            defmt::warn!("the board's serial flash does not answer: no match is kept");
+            return;
+        }
+        ticker.next().await;
     }
-    let _ = FLASH.with(|place| *place = flash);
-    let (mut keeper, mut ticker) = (Keeper::NEW, Ticker::every(LOOK));
+    let _ = FLASH.with(|place| *place = Some(flash));
+    let mut keeper = Keeper::NEW;
     loop {
         ticker.next().await;
         let is_armed = matches!(switch.state(), ArmState::Armed | ArmState::Suspended);
@@ -103,7 +111,7 @@ pub(super) async fn keep(memory: MemoryParts, switch: &ArmSwitch) {
                 RC10_BLACK_BOX.with(|memory| ring::part(memory, block, from, to))
             };
             keeper.step(&mut Pages(flash), part, is_armed, rc10_message::now());
-            for (place, now) in NEXT.iter().zip(keeper.next()) {
+            for (place, now) in NEXT.iter().zip(keeper.next().into_iter().flatten()) {
                 place.store(now, Ordering::Relaxed);
             }
         });

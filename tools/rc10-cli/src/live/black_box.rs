@@ -117,6 +117,10 @@ fn kept_match(session: &mut Session<'_>, back: u16, ended: &AtomicBool) -> Resul
     let numbers = fetch(session, RING, 1, ended)?;
     let [next, newest] = [0, 4].map(|at| numbers.get(at..at + 4).and_then(|it| it.try_into().ok()));
     let (next, newest) = (next.map_or(0, u32::from_le_bytes), newest.map_or(0, u32::from_le_bytes));
+    ensure!(
+        next < u32::MAX - ERASED,
+        "its flash is searched in the first seconds after a start: again; or it does not answer: its log says so"
+    );
     let mut read = |page: u32, count: u32| -> Result<Vec<u8>> {
         let from = (page % PAGES) as usize * PAGE_BYTES;
         let (piece, skipped) = (from / PIECE, from % PIECE);
@@ -127,14 +131,16 @@ fn kept_match(session: &mut Session<'_>, back: u16, ended: &AtomicBool) -> Resul
     // How many matches a page is before the newest.
     let age = |head: Head| (newest as u16).wrapping_sub(head.round) & ROUNDS;
     // The parts that are not erased ahead; the match begins in the one before the first that begins with it.
-    let (mut low, mut high) =
-        (next.saturating_sub(PAGES - 2 * ERASED).div_ceil(ERASED), next.div_ceil(ERASED));
+    let high = next.div_ceil(ERASED);
+    let (mut low, mut high) = ((high + 1).saturating_sub(PAGES / ERASED), high);
     let oldest = low;
     while low < high {
         let middle = u32::midpoint(low, high);
-        let page = read(middle * ERASED, 1)?;
-        match pages(&page).next() {
-            Some((head, ..)) if head.number == middle * ERASED && age(head) < back => high = middle,
+        // Its first page that is whole.
+        let part = read(middle * ERASED, 8)?;
+        let mut heads = pages(&part).map(|(head, ..)| head);
+        match heads.find(|head| head.number / ERASED == middle) {
+            Some(head) if age(head) < back => high = middle,
             _ => low = middle + 1,
         }
     }
@@ -142,9 +148,12 @@ fn kept_match(session: &mut Session<'_>, back: u16, ended: &AtomicBool) -> Resul
     let mut ends = false;
     while page < next && !ends {
         let part = read(page, ERASED.min(next - page))?;
-        for (head, _, page) in pages(&part) {
+        // Not those that were written meanwhile in place of them.
+        for (head, _, bits) in
+            pages(&part).filter(|(head, ..)| head.number / ERASED == page / ERASED)
+        {
             if age(head) + 1 == back {
-                bytes.extend(page);
+                bytes.extend(bits);
             }
             ends |= age(head) + 1 < back;
         }
@@ -152,7 +161,8 @@ fn kept_match(session: &mut Session<'_>, back: u16, ended: &AtomicBool) -> Resul
     }
     ensure!(!bytes.is_empty(), "there is no such match in its flash");
     let (_, words) = BlackBox::of_pages(&bytes).unwrap_or_default();
-    let lost: u32 = entries(&words).filter(|it| it.kind == LOST).map(|it| it.word(0)).sum();
+    let lost: u64 =
+        entries(&words).filter(|it| it.kind == LOST).map(|it| u64::from(it.word(0))).sum();
     let notes = (lost > 0).then(|| format!("{lost} words in it are missing"));
     Ok((bytes, words, notes.into_iter().collect()))
 }
@@ -177,7 +187,7 @@ fn fetch(
         }
         ensure!(of > first, "its board keeps no matches: a DM-MC02 does");
         if pieces.len() >= first + count || of > first + 1 && pieces.len() == of {
-            return Ok(pieces[first..].iter().flatten().flatten().copied().collect());
+            return Ok(pieces[first..].iter().take(count).flatten().flatten().copied().collect());
         }
         let come = pieces.len();
         progress.tell_of(

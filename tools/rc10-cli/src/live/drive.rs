@@ -4,7 +4,7 @@
 //! Its time is the clock's, in steps of a millisecond: each takes what the adapters have heard, lets the robot go on up
 //! to now, and gives them what it sends. A PC keeps no time to the microsecond: the worst delay of a step is told. A
 //! step that comes late is as long as it was late; so what has expired meanwhile has, and of what the robot would have
-//! sent only the newest leaves. After a PC that slept or stood still it is disarmed, and when adapters are back that were gone at once.
+//! sent only the newest leaves. Behind a PC that stood still it is stopped; after one that slept it is disarmed, and when adapters are back that were gone at once.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,6 +17,7 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::bail;
 use anyhow::{Context, Result, ensure};
 use rc10_module::remote::SerialSettings;
+use rc10_motor::ArmState;
 use rc10_motor::unitree::wire::line::COMMAND_LEN;
 use rc10_sim::LineConfig;
 use rc10_time::Micros;
@@ -37,7 +38,7 @@ const BAUD: u32 = 2_000_000;
 const STEP: Micros = Micros::from_millis(1);
 /// Steps between two looks of the pages, which take some milliseconds: the step behind them is late.
 const STEPS: u32 = 20;
-/// Delay of a step from which on the robot is disarmed: a remote that is not heard for so long is lost.
+/// Delay of a step from which on the robot is stopped.
 const STALLED: Micros = Micros::from_millis(100);
 /// Delay above which a step counts as late in a second of so many. Of twenty the one behind the pages is.
 const LATE: Micros = Micros::from_millis(2);
@@ -395,7 +396,7 @@ impl<W: Running> Driven<'_, W> {
         (*steps, *late) = (*steps + 1, *late + u32::from(is_late));
         if *steps == SECOND {
             self.trouble = (*late > SECOND / 10).then(|| {
-                format!("this PC is too slow or busy: {late} of {steps} ticks came over 2 ms late")
+                format!("this PC is too slow or busy: {late} of {steps} steps came over 2 ms late")
             });
             self.second = [0; 2];
         }
@@ -412,9 +413,15 @@ impl<W: Running> Driven<'_, W> {
         self.late += u64::from(delay.get() > 500);
         self.worst = self.worst.max(delay);
         if delay >= STALLED {
-            // For so long its motors had their last commands, and no hand could stop them.
-            tell(format_args!("this PC stood still for {} ms: disarmed", delay.get() / 1000));
-            self.disarm();
+            // For so long its motors had their last commands, and no hand could stop them. What is stopped stays as it is.
+            let switch = self
+                .ports
+                .switch
+                .filter(|it| matches!(it.state(), ArmState::Armed | ArmState::Suspended));
+            if let Some(switch) = switch {
+                switch.emergency_stop();
+                tell(format_args!("this PC stood still for {} ms: stopped", delay.get() / 1000));
+            }
         }
         self.judge(delay > LATE);
         let were_gone: Vec<_> = self.adapters.iter().map(Adapter::is_gone).collect();

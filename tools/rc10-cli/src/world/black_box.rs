@@ -1,7 +1,7 @@
 //! The black box of a chip, as it lies in its memory: [`rc10_motor::record::ring`]; and matches in its board's flash:
 //! [`rc10_motor::record::pages`].
 
-use rc10_motor::record::pages::{Head, PAGE, PAGES, Page};
+use rc10_motor::record::pages::{HEAD, Head, PAGE, PAGES, Page};
 use rc10_motor::record::ring::{self, Memory, Reader, WORDS};
 
 /// The symbol of the program.
@@ -67,16 +67,16 @@ impl BlackBox {
                 continue;
             }
             let block = blocks.last_mut()?;
-            block.bits.extend(head.content(&page));
+            block.bits.extend(&page[HEAD..]);
             block.length += head.bits(&page);
             next = (!head.is_last).then(|| head.number.wrapping_add(1));
         }
         let (mut it, mut words) = (Self::default(), Vec::new());
-        // Zeros would be a block of number 0.
-        it.memory.fill(u32::MAX);
         let ends = blocks.iter().skip(1).chain(blocks.last()).map(|it| it.before);
         for (block, end) in blocks.iter().zip(ends) {
             let Block { number, before, bits, length } = block;
+            // Others would have a say in which is the newest; zeros would be one of number 0.
+            it.memory.fill(u32::MAX);
             ring::put_block(&mut it.memory, *number, [*before, end], bits, *length);
             words.extend(it.news());
         }
