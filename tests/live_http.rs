@@ -5,10 +5,13 @@ use crate::common::scratch;
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::process::Command;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::common::served::{JSON, Started, http, live, until};
+use rc10_cli::run::running::Running as _;
+use rc10_cli::run::simulation::Simulation;
 use rc10_link::frame::FromPc;
 use rc10_link::{Ask, Urgent};
 use rc10_module::Stream;
@@ -331,6 +334,55 @@ fn a_stop_that_is_not_heard_is_told_and_sent_again() {
     assert_eq!(state["stop"], json!("not heard"), "{state}");
     // The connection is gone, and STOP is not pressed again.
     assert!(mute(&listener, 10) >= 10);
+}
+
+/// The simulated robot behind a serial server, until it falls silent.
+fn falls_silent(listener: &TcpListener, is_silent: &AtomicBool) {
+    let (mut stream, _) = listener.accept().unwrap();
+    stream.set_read_timeout(Some(Duration::from_millis(4))).unwrap();
+    rc10_cli::with::<team::Robot, _>(|shared, motors| {
+        let robot = rc10_cli::robot_of::<team::Robot>(shared, motors).unwrap();
+        let mut world = Simulation::new(robot, 1, Some(921_600)).unwrap();
+        world.operator().unwrap().lay_down();
+        let line = world.console().unwrap().clone();
+        let mut bytes = [0; 4096];
+        loop {
+            match stream.read(&mut bytes) {
+                Ok(0) => return,
+                Ok(count) => line.send(&bytes[..count]),
+                Err(_) => {}
+            }
+            if !is_silent.load(Ordering::Relaxed) {
+                world.run_to(world.now() + Micros::from_millis(4)).unwrap();
+                stream.write_all(&line.take()).unwrap();
+            }
+        }
+    });
+}
+
+/// A browser opens six connections to a page, for all its tabs: of a robot that is silent, three at most wait for it.
+#[test]
+fn a_silent_robot_holds_up_three_requests_and_then_none() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = format!("tcp:{}", listener.local_addr().unwrap());
+    let is_silent = Arc::new(AtomicBool::new(false));
+    let falls = Arc::clone(&is_silent);
+    std::thread::spawn(move || falls_silent(&listener, &falls));
+    let page =
+        Page::of(Command::new(env!("CARGO_BIN_EXE_rc10")).args(["live", &place, "--page", "0"]));
+    page.until(|state| state["whole"] == json!(true));
+    is_silent.store(true, Ordering::Relaxed);
+    let port = page.port;
+    let clear = move || http(port, "POST", "/wish", JSON, r#"{"do":"clear","motor":"feeder"}"#).1;
+    let told: Vec<_> = std::thread::scope(|scope| {
+        let asked: Vec<_> = (0..8).map(|_| scope.spawn(clear)).collect();
+        asked.into_iter().map(|it| it.join().unwrap()).collect()
+    });
+    let waited = told.iter().filter(|it| it.contains("the robot did not answer")).count();
+    assert!(waited <= 3, "{told:?}");
+    page.until(|state| state["trouble"].is_string());
+    let told = clear();
+    assert!(told.contains("not sent: nothing is heard any more"), "{told}");
 }
 
 /// Thousands of requests a second and uploads that hang: each stop is answered by the robot.

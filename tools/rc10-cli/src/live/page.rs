@@ -103,8 +103,8 @@ type Waiting = (u16, Micros, Sender<Result<Value, String>>);
 type Reporter<'r> = Box<dyn Fn(PathBuf) -> Receiver<Result<Vec<u8>>> + 'r>;
 /// Time in which the answer to a page has left before the robot begins anew.
 const ANSWERED: Micros = Micros::from_millis(400);
-/// Limit of waiting requests: more would delay the next one on the line.
-const MOST_WAITING: usize = 16;
+/// Limit of waiting requests, of all pages together: a browser has six connections, and STOP needs one.
+const MOST_WAITING: usize = 3;
 const PATIENCE: Micros = Micros::from_millis(5000);
 
 /// Serves the page until Ctrl-C; fails without a line to the robot, or if the port is taken.
@@ -574,6 +574,9 @@ impl<'r, 'k> LivePage<'r, 'k> {
     fn may_ask(&self) -> Result<()> {
         if let Some(stranger) = &self.stranger {
             bail!("{stranger}: only stopped, disarmed and watched");
+        }
+        if !self.session.client.is_up(self.session.now()) {
+            bail!("not sent: {}", self.session.trouble().unwrap_or_default());
         }
         ensure!(
             self.waiting.len() < MOST_WAITING,

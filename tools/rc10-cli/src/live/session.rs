@@ -81,7 +81,9 @@ impl<'r> Session<'r> {
                 )),
             };
         }
-        Some(if self.heard == 0 {
+        Some(if self.client.is_described() {
+            "nothing is heard any more: is the robot on, and its cable plugged in?".into()
+        } else if self.heard == 0 {
             "nothing is heard: is the robot on, and is this its port?".into()
         } else {
             "something is heard, but no robot: is the bit rate right (--baud), and is this its port?"

@@ -12,7 +12,8 @@ let begun = false;
 let declaration = null; // of the robot that the page was made for
 
 class Refused extends Error {}
-// A browser opens six connections: some stay free for STOP, whatever the robot does not answer.
+// A browser opens six connections for all its tabs: the server lets three requests wait for the robot, and of one that is
+// held up itself three stay free for STOP.
 let flying = 0;
 const post = async (wish, urgent) => {
   if (flying >= 3 && !urgent) throw new Error('the robot has not answered what was asked before');
