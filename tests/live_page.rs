@@ -263,6 +263,31 @@ fn the_emulated_chip_behind_a_serial_port() {
     a_test_day("live-port", &["--port".as_ref(), link.as_os_str()]);
 }
 
+/// STOP is pressed while `rc10 live` is away: the page sends it until the robot has stopped.
+#[test]
+fn a_stop_that_was_not_heard_stops_the_robot_that_comes_back() {
+    if !has_browser() {
+        return;
+    }
+    let serve = |port: u16| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+        live(command.args(["live", "--sim", "--script", "--page", &port.to_string()]))
+    };
+    let (first, port) = serve(0);
+    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
+    page.until("return document.querySelector('#arm').textContent === 'Armed'");
+    drop(first);
+    page.look("document.querySelector('#stop').click()");
+    page.until("return document.querySelector('#stop').textContent.startsWith('STOP NOT HEARD') && !$('refused').hidden");
+    let told = page.look("return $('refused').textContent");
+    assert_eq!(told, json!("rc10 live has ended"));
+    let _second = serve(port);
+    page.until(
+        "return document.querySelector('#arm').textContent === 'Stopped' && $('refused').hidden",
+    );
+    page.until("return pressed.stop === null && document.querySelector('#stop').textContent.startsWith('STOP ')");
+}
+
 /// What problems are about, and of which kind, of a report or of a page.
 fn problems(told: &Value) -> Vec<String> {
     let told = told["problems"].as_array().unwrap().iter();

@@ -15,12 +15,12 @@ class Refused extends Error {}
 // A browser opens six connections for all its tabs: the server lets three requests wait for the robot, and of one that is
 // held up itself three stay free for STOP.
 let flying = 0;
-const post = async (wish, urgent) => {
+const post = async (wish, urgent = null) => {
   if (flying >= 3 && !urgent) throw new Error('the robot has not answered what was asked before');
   flying += 1;
   try {
-    const response = await fetch('wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish) });
-    const answer = await response.json();
+    const asked = fetch('wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish), signal: urgent && AbortSignal.timeout(2000) });
+    const answer = await asked.then((it) => it.json()).catch(() => { throw new Error('rc10 live has ended'); });
     if (answer.refused !== undefined) throw new Refused(answer.refused);
     return answer.ok;
   } finally { flying -= 1; }
