@@ -310,6 +310,20 @@ fn a_pc_sets_no_gain_above_ten_times_the_tables_and_no_limit_above_it() {
     });
 }
 
+/// A PC with a wrong time lets go of its button: the others turn the motor all the same.
+#[test]
+fn a_zero_from_the_future_blocks_no_jog() {
+    with_scene(BAUD, |scene, shared| {
+        on_blocks(scene, shared);
+        let (declaration, heard, action) =
+            (scene.client.declaration(), u64::MAX, Action::Jog(0, 0));
+        send(scene, &frame(&Ask::Act { id: 9, declaration, heard, action }));
+        scene.run(25);
+        assert_eq!(hold(scene, 0, 100, 500), Answer::Done);
+        assert!(wheel_rpm(shared) > 5.0);
+    });
+}
+
 /// A robot that was flashed with another declaration refuses what was meant for the one before.
 #[test]
 fn a_wish_of_another_declaration_is_refused() {
