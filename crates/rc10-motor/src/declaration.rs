@@ -79,6 +79,9 @@ pub struct Entry<C> {
     pub most_age: Option<Micros>,
 }
 
+/// The largest speed of a jog that a declaration may allow: somebody stands beside the robot.
+pub const MOST_JOG: Rpm = Rpm::new(300.0);
+
 /// How many times the gains of a motor's declaration a PC may set, unless the declaration says so.
 pub const MOST_GAIN: f32 = 10.0;
 
@@ -120,9 +123,20 @@ impl<C: Copy> Entry<C> {
     /// Lets a PC turn it up to this speed while disarmed, to see which it is. Only with free space.
     ///
     /// # Panics
-    /// If the speed is not above zero; in a `const` that is a compile error.
+    /// If the speed is not above zero, or more than [`MOST_JOG`]; in a `const` that is a compile error.
+    ///
+    /// ```compile_fail,E0080
+    /// # use rc10_motor::{Entry, Place::Bus, dji::{Config, M3508}, rc10_app::Rpm};
+    /// const WHEEL: Config = Config::new(&M3508, 1);
+    /// // a jog is slow: at most 300 rpm of the output shaft
+    /// const ENTRY: Entry<Config> = Entry::new(Bus(1), WHEEL).with_jog(Rpm::new(301.0));
+    /// ```
     pub const fn with_jog(mut self, fastest: Rpm) -> Self {
-        assert!(fastest.get() > 0.0 && fastest.get() < f32::MAX, "a jog has a speed above zero");
+        assert!(fastest.get() > 0.0, "a jog has a speed above zero");
+        assert!(
+            fastest.get() <= MOST_JOG.get(),
+            "a jog is slow: at most 300 rpm of the output shaft"
+        );
         self.jog = Some(fastest);
         self
     }
