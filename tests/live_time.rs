@@ -170,6 +170,12 @@ fn a_record_opens_in_the_same_page() {
     );
     let (status, body) = http(port, "POST", "/wish", JSON, r#"{"do":"stop"}"#);
     assert!(status == 409 && body.contains("this is a record, and no robot"), "{body}");
+    // What came in, for `rc10 replay`, is no event.
+    let (_, state) = http(port, "GET", "/state", "", "");
+    let state: Value = serde_json::from_str(&state).unwrap();
+    let mut events = state["happened"].as_array().unwrap().iter().filter_map(|it| it[1].as_str());
+    let odd = events.find(|it| it.contains(|it: char| it.is_control() || it == '\u{FFFD}'));
+    assert_eq!(odd, None);
     if !has_browser() {
         return;
     }

@@ -19,6 +19,7 @@ use super::server::{PageRequest, Pages};
 use crate::files::open;
 use crate::judge::{happened::happened, problems};
 use crate::live::session::stop;
+use crate::record::EVENTS;
 use crate::record::file::{Channel, Item, label, walk};
 use crate::record::replay::{numbers, replay};
 use crate::recording::problem::Problem;
@@ -35,6 +36,8 @@ struct Tape {
     topics: BTreeMap<String, u16>,
     /// The first of each channel, and whether they were chosen: what is NaN was not, then. `None` for texts.
     channels: BTreeMap<u16, Option<(u16, bool)>>,
+    /// The channel of the events, whose texts alone are for people.
+    events_at: Option<u16>,
     events: Vec<(Micros, String)>,
     /// Its metadata: name and note among them.
     about: BTreeMap<String, String>,
@@ -62,6 +65,9 @@ impl Tape {
                     None => u16::try_from(self.signals.len()).context("too many signals")?,
                 };
                 let has_numbers = channel.columns.is_some();
+                if channel.topic == EVENTS {
+                    self.events_at = Some(id);
+                }
                 if self.topics.insert(topic.to_owned(), first).is_none() {
                     self.signals.extend(signals(&channel));
                 }
@@ -75,7 +81,8 @@ impl Tape {
                         .zip(numbers(bytes)?)
                         .filter(|(_, value)| !(*chosen && value.is_nan()))
                         .for_each(|(signal, value)| history.push(signal, at, value as f32)),
-                    None => self.events.push((at, label(bytes))),
+                    None if self.events_at == Some(id) => self.events.push((at, label(bytes))),
+                    None => {}
                 }
             }
             Item::Metadata(_, map) => self.about.extend(map),
