@@ -430,6 +430,43 @@ fn the_figures_of_steps_are_right_and_five_lie_over_one_another() {
     assert!(number("times.length") / number("times.at(-1)") > 300.0);
 }
 
+/// A busy PC: its words come so late that the motor stands in between.
+#[test]
+fn a_step_with_late_words_is_called_interrupted() {
+    let Some(page) = Page::open("tune-late", RESTS) else { return };
+    page.tune("wheel front left");
+    page.browser.look(
+        "const send = window.fetch, late = () => new Promise((go) => setTimeout(go, 250)); \
+         window.fetch = async (where, what) => { if (what && String(what.body).includes('jog')) await late(); return send(where, what); }; \
+         $('step').focus()",
+    );
+    page.browser.hold("\u{E007}", "keyDown");
+    page.browser.until("return testing === null && !$('step-said').textContent.includes('turns')");
+    page.browser.hold("\u{E007}", "keyUp");
+    let told = page.text("#step-said");
+    assert!(told.starts_with("Interrupted: this PC was too late"), "{told}");
+}
+
+#[test]
+fn a_warning_goes_with_the_value_that_it_was_of() {
+    let Some(page) = Page::open("tune-undone", RESTS) else { return };
+    let full = "gimbal_yaw.speed_kp";
+    page.tune("gimbal yaw");
+    let before = page.number(&format!("of('{full}').value"));
+    page.type_in(full, &(10.0 * before).to_string());
+    page.enter();
+    page.until_said(full, "once more");
+    page.enter();
+    page.until_value(full, 10.0 * before);
+    page.browser.pass(0.5);
+    page.until_said(full, "oscillate");
+    page.browser.look("document.querySelector('#tune .undo').click()");
+    page.until_value(full, before);
+    page.browser.until(&format!(
+        "return document.querySelector(`#gains tr[data-parameter='{full}'] small`).hidden"
+    ));
+}
+
 #[test]
 fn what_rc10_tune_has_found_is_in_the_panel_of_its_motor() {
     let Some(page) = Page::open("tune-found", RESTS) else { return };

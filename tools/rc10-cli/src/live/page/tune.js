@@ -108,6 +108,13 @@ $('steps-found').onclick = async () => {
 };
 
 let testing = null;
+function letGo(label, it) { it.until = state.now; jog(label, 0); }
+// Whether a motor that turned by hand stood before the button was let go: the words to it came too late.
+async function stood(label, begin, to) {
+  const { index, states } = state.signals.find((it) => it.folder === 'motors' && it.label === label && it.name === 'drive'), run = states.indexOf('Run');
+  const { values } = (await fetchSeries([index], begin, to)).get(index), first = values.indexOf(run);
+  return first >= 0 && values.subarray(first).some((it) => it !== run);
+}
 // Waits in the robot's time: a simulated one may be slower than the clock.
 async function passes(millis, goes) {
   const begin = state.now;
@@ -123,7 +130,7 @@ async function stepTest() {
   const begin = state.now;
   if (goes()) {
     const turning = jog(label, speed);
-    passes(1300, goes).then(() => { if (goes()) jog(label, 0); });
+    passes(1300, goes).then(() => { if (goes()) letGo(label, mine); });
     const refused = await turning;
     if (refused) { say('step-said', refused); mine.isOver = true; }
   } else mine.isOver = true;
@@ -132,8 +139,10 @@ async function stepTest() {
   if (testing === mine) testing = null;
   if (mine.isOver) return;
   const count = await collect(label, Math.max(0, Math.round(begin - 200e3)), state.now).catch(() => 0);
-  say('step-said', count ? 'Turned by hand: with a fifth of its limit, and a target that starts at its acceleration.' : 'Too short: hold the button for a second.');
+  const isLate = !count && await stood(label, begin, mine.until).catch(() => false);
+  say('step-said', count ? 'Turned by hand: with a fifth of its limit, and a target that starts at its acceleration.'
+    : isLate ? 'Interrupted: this PC was too late. Close what keeps it busy, and try again.' : 'Too short: hold the button for a second.');
 }
-holdable($('step'), stepTest, () => { if (testing && !testing.isLet) { testing.isLet = true; testing = null; jog(tuned, 0); } });
+holdable($('step'), stepTest, () => { if (testing && !testing.until) { letGo(tuned, testing); testing = null; } });
 
 const drawSteps = () => Step.draw($('steps'), $('figures'), overlay);
