@@ -39,10 +39,12 @@ function rowsOf(table, list, name, targets, steps) {
     rows.delete(it.full);
     row.className = same(it.value, it.initial) ? '' : 'changed';
     row.cells[2].textContent = (it.unit + ' ' + brief(it.range[0]) + ' … ' + brief(it.range[1])).trim();
-    row.title = it.range[0] + ' to ' + it.range[1] + ', ' + it.initial + ' in the table';
-    row.cells[2].title = row.className ? it.initial + ' in the table' : '';
-    const input = row.querySelector('input');
-    input.dataset.value = brief(it.value);
+    row.title = brief(it.range[0]) + ' to ' + brief(it.range[1]) + ', ' + brief(it.initial) + ' in the table';
+    row.cells[2].title = row.className ? brief(it.initial) + ' in the table' : '';
+    const input = row.querySelector('input'), said = row.querySelector('small'), now = brief(it.value);
+    // What was said of the value before, unless it was said of this one.
+    if (input.dataset.value !== now && said.dataset.of !== now) { tellAt(said, ''); delete said.dataset.meant; }
+    input.dataset.value = now;
     if (document.activeElement !== input) input.value = input.dataset.value;
   }
   for (const row of rows.values()) row.remove();
@@ -91,7 +93,7 @@ async function change(full, text, input, said, targets) {
     return back();
   }
   delete said.dataset.meant;
-  try { await send(targets.map((full) => [full, wanted])); tellAt(said, isBad ? words : '', isBad); } catch (error) { tellAt(said, String(error.message || error), true); back(); }
+  try { await send(targets.map((full) => [full, wanted])); said.dataset.of = brief(Math.fround(wanted)); tellAt(said, isBad ? words : '', isBad); } catch (error) { tellAt(said, String(error.message || error), true); back(); }
 }
 // Sends changes, all or none, and remembers how to undo them.
 async function send(changes) {
