@@ -180,7 +180,7 @@ fn wrong_programs_end_with_3_and_the_cause() {
             Own { arms: false, ..SOUND },
             "robot",
             "never-armed",
-            "was never armed: no motor was driven",
+            "was never armed: no motor was driven: does a task obey the remote, at least every 20 ms?",
         ),
         (
             Own { target: |_| Some(Target::Speed(Rpm::new(2000.0))), ..SOUND },

@@ -134,7 +134,9 @@ pub(super) fn robot(recording: &Recording, found: &mut Vec<Problem>) {
             Some(axis) => format!(
                 "{axis} is not at rest; it arms when that is in the middle, or is no part of `at_rest`"
             ),
-            None => "no motor was driven".to_owned(),
+            None => {
+                "no motor was driven: does a task obey the remote, at least every 20 ms?".to_owned()
+            }
         };
         let text = format!("was never armed: {why}");
         found.push(Problem::new(About::Robot, "never-armed", text));
