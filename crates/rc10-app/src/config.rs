@@ -92,6 +92,18 @@ pub(crate) const fn positive(field: &'static str, value: f32) -> Result<(), Conf
     ConfigError::check(value.is_finite() && value > 0.0, field, value, "finite and positive")
 }
 
+/// `Ok` for the radius of a wheel in metres.
+pub(crate) const fn radius(value: f32) -> Result<(), ConfigError> {
+    ok!(positive("radius", value));
+    ConfigError::check(value <= 1.0, "radius", value, "in metres, 1 at most")
+}
+
+/// `Ok` for a place in a robot, in metres.
+pub(crate) const fn within_robot(field: &'static str, value: f32) -> Result<(), ConfigError> {
+    ok!(finite(field, value));
+    ConfigError::check(value.abs() <= 5.0, field, value, "in metres, 5 at most")
+}
+
 /// `Ok` for a number above zero, or for infinity, which stands for "no limit".
 pub(crate) const fn positive_or_unlimited(
     field: &'static str,

@@ -8,7 +8,7 @@ use core::f32::consts::PI;
 
 use crate::angle::TotalAngle;
 use crate::base::{BaseError, BaseMotion, Body};
-use crate::config::{ConfigError, positive};
+use crate::config::{self, ConfigError, positive};
 use crate::maths;
 use crate::ok;
 use crate::transform::{Point, RobotFrame};
@@ -221,7 +221,7 @@ impl<const N: usize> Swerve<N> {
 }
 
 const fn check(radius: f32, max_wheel_speed: Rpm, steering: Steering) -> Result<(), ConfigError> {
-    ok!(positive("radius", radius));
+    ok!(config::radius(radius));
     ok!(positive("max_wheel_speed", max_wheel_speed.get()));
     if let Steering::Between(least, most) = steering {
         let range = most.minus(least);

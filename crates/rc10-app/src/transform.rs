@@ -44,7 +44,7 @@ use core::fmt;
 use core::marker::PhantomData;
 
 use crate::angle::shortest_way_f32;
-use crate::config::{ConfigError, finite};
+use crate::config::{ConfigError, within_robot};
 use crate::maths;
 use crate::ok;
 use crate::units::Radians;
@@ -81,8 +81,8 @@ impl<F: Frame> Point<F> {
     }
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
-        ok!(finite("x", self.x), in "place");
-        ok!(finite("y", self.y), in "place");
+        ok!(within_robot("x", self.x), in "place");
+        ok!(within_robot("y", self.y), in "place");
         Ok(())
     }
 }

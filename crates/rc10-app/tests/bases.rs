@@ -263,6 +263,13 @@ fn an_unsound_base_is_refused_with_the_reason() {
         assert!(why(wheels).starts_with("wheel 1: `radius` is "), "{}", why(wheels));
         assert!(matches!(Base::new(mecanum, Rpm::new(bad)), Err(BaseError::Config(_))));
     }
+    // In millimetres.
+    let mut wheels = mecanum;
+    wheels[1].radius = 76.0;
+    assert_eq!(why(wheels), "wheel 1: `radius` is 76, but must be in metres, 1 at most");
+    let mut wheels = mecanum;
+    wheels[0].place.x = 200.0;
+    assert_eq!(why(wheels), "wheel 0: `place.x` is 200, but must be in metres, 5 at most");
     let mut wheels = mecanum;
     wheels[3].place.y = f32::NAN;
     assert_eq!(why(wheels), "wheel 3: `place.y` is NaN, but must be finite");

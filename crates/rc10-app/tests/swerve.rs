@@ -197,6 +197,8 @@ fn bad_input_changes_nothing_and_an_unsound_base_is_refused() {
         "`steering range` is 160, but must be half a turn or more, 180 degrees"
     );
     assert!(why(PLACES, -0.05, Steering::Endless).starts_with("`radius` is -0.05"));
+    let millimetres = "`radius` is 50, but must be in metres, 1 at most";
+    assert_eq!(why(PLACES, 50.0, Steering::Endless), millimetres);
     let broken = [Point::new(f32::NAN, 0.0), PLACES[1], PLACES[2], PLACES[3]];
     assert_eq!(
         why(broken, 0.05, Steering::Endless),

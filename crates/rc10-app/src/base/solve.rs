@@ -2,7 +2,7 @@
 
 use super::error::BaseError;
 use super::wheel::{Tread, Wheel};
-use crate::config::{ConfigError, finite, positive};
+use crate::config::{ConfigError, finite, radius};
 use crate::ok;
 use crate::transform::Point;
 
@@ -81,7 +81,7 @@ const fn check(wheel: &Wheel) -> Result<(), ConfigError> {
     if let Tread::Rollers(angle) = wheel.tread {
         ok!(finite("tread", angle.get()));
     }
-    positive("radius", wheel.radius)
+    radius(wheel.radius)
 }
 
 /// Distance of the farthest wheel from the origin; 1 if all stand there.
