@@ -284,6 +284,7 @@ fn what_if_is_open_loop_and_says_so() {
     for (words, complaint) in [
         (["--set", "wheel.speed_kp=1"], "there is no motor `wheel`"),
         (["--set", "feeder.speed=1"], "no parameter of that name"),
+        (["--set", "feeder_speed=200"], "only gains and limits of motors can be replayed"),
         (["--set", "feeder.speed_kp=fast"], "`fast` is no number"),
         (["--set", "feeder.speed_kp=-1"], "what is to be set is refused: "),
         (["--until", "4"], "it ends before 4 s"),

@@ -124,3 +124,30 @@ fn live_opens_the_browser_and_names_a_free_port() {
     let taken = text(&rc10(&["live", "--sim", "--page", port]).output().unwrap());
     assert!(taken.contains("--page 0 takes one that is free"), "{taken}");
 }
+
+#[test]
+fn what_is_refused_says_what_would_do() {
+    let folder = Scratch::new("terminal-refused");
+    let file = |name: &str, bytes: &[u8]| {
+        fs::write(folder.join(name), bytes).unwrap();
+        folder.join(name).display().to_string()
+    };
+    let (empty, log) = (file("empty", b""), file("a.log", b""));
+    let record = file("a.mcap", b"\x89MCAP0\r\n");
+    let path = folder.join("demo").display().to_string();
+    let cases: [(&[&str], &str); 7] = [
+        (&["live", &empty], "a file, but no record (.mcap), and no serial port"),
+        (&["plan", "--add", "1:M3508@500*2000"], "N is 1 to 255"),
+        (&["faults", "--phases", "0"], "a whole number, 1 or more"),
+        (&["decode", &record], "this is a record: rc10 report or rc10 csv"),
+        (&["decode", &log, "--from", "2", "--to", "1"], "--to is before --from"),
+        (&["run", "--fault", "hang@0.3s"], "--fault hang: rc10 run has no chip"),
+        (&["new", &path], "is a path: the robot's name alone"),
+    ];
+    for (arguments, why) in cases {
+        // A new robot is not made in this checkout.
+        let output = rc10(arguments).current_dir(std::env::temp_dir()).output().unwrap();
+        let said = text(&output);
+        assert!(!output.status.success() && said.contains(why), "{arguments:?}: {said}");
+    }
+}

@@ -49,7 +49,9 @@ impl fmt::Display for ChipFault {
     /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Self::Hang(handler) = self {
-            return write!(f, "hang:{handler}");
+            f.write_str("hang")?;
+            let is_named = handler != CONTROL_EXECUTOR;
+            return if is_named { write!(f, ":{handler}") } else { Ok(()) };
         }
         let mut names = NAMES.iter().filter(|(_, fault)| fault == self);
         names.try_for_each(|(name, _)| f.write_str(name))

@@ -3,13 +3,13 @@
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use rc10_time::Micros;
 
 use crate::decode::filter::{Filter, Wanted};
 use crate::decode::print::Printer;
 use crate::decode::{BusOfChannel, Decoder, Summary, excerpt, known_on};
-use crate::files::{open, unreadable};
+use crate::files::{is_record, open, unreadable};
 use crate::formats::candump::{Numbered, Reader};
 use crate::world::robot::Robot;
 
@@ -75,6 +75,8 @@ pub fn decode(
     if args.file == Path::new("-") {
         return decode_log(io::stdin().lock(), args, robot, out, err);
     }
+    let is_record = args.file.is_file() && is_record(&args.file)?;
+    ensure!(!is_record, "{}: this is a record: rc10 report or rc10 csv", args.file.display());
     decode_log(BufReader::new(open(&args.file)?), args, robot, out, err)
 }
 

@@ -26,7 +26,7 @@ pub struct FaultsArgs {
     #[arg(long, value_name = "NAME", default_value = "")]
     pub fault: String,
     /// Phases of ticks, tasks, remote and devices in which each fault happens
-    #[arg(long, value_name = "N", default_value_t = NonZero::<u64>::MIN)]
+    #[arg(long, value_name = "N", default_value_t = NonZero::<u64>::MIN, value_parser = phases)]
     pub phases: NonZero<u64>,
     /// Print one JSON object instead of tables
     #[arg(long)]
@@ -34,6 +34,10 @@ pub struct FaultsArgs {
     /// Print tables in Markdown
     #[arg(long, conflicts_with = "json")]
     pub md: bool,
+}
+
+fn phases(text: &str) -> Result<NonZero<u64>, &'static str> {
+    text.parse().map_err(|_| "must be a whole number, 1 or more")
 }
 
 /// What has to be so in a fault.

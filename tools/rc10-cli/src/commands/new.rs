@@ -108,6 +108,10 @@ fn check_name(name: &str, locked: &str) -> Result<()> {
         && !name.ends_with('-')
         && !name.contains("--");
     ensure!(
+        !name.contains(['/', '\\']),
+        "`{name}` is a path: the robot's name alone, made in this folder"
+    );
+    ensure!(
         is_word && name.len() <= 40,
         "`{name}` is no name for a robot: small letters, digits and single hyphens, a letter first, at most 40"
     );

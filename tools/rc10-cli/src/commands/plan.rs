@@ -59,7 +59,7 @@ impl FromStr for More {
             None => (rest, None),
         };
         let [bus, count] = [bus, count].map(|it| it.parse().context(form));
-        ensure!(count.as_ref().is_ok_and(|count| *count > 0), "at least one: {form}");
+        ensure!(count.as_ref().is_ok_and(|count| *count > 0), "N is 1 to 255: {form}");
         Ok(Self { bus: bus?, motor: motor.to_owned(), rate, count: count? })
     }
 }

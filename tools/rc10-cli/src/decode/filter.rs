@@ -54,6 +54,8 @@ impl<'a> Filter<'a> {
                 labels.join(", ")
             );
         }
+        let is_turned = args.from.zip(args.to).is_some_and(|(from, to)| to < from);
+        ensure!(!is_turned, "--to is before --from");
         Ok(Self { args, first: None, said: HashMap::new() })
     }
 

@@ -134,7 +134,12 @@ impl RunningArgs {
     /// cannot be opened, and fails if nothing can.
     pub fn open_all(&self, robot: &Robot<'_>) -> Result<Vec<RobotConnection<'static>>> {
         let (mut open, mut refused) = (Vec::new(), Vec::new());
-        for place in self.places()? {
+        let places = self.places()?;
+        if self.port.is_none() {
+            // They open, and nobody answers there for ever.
+            likely(places.clone())?;
+        }
+        for place in places {
             match connect(place, self.baud_of(robot)) {
                 Ok(connection) => open.push(connection),
                 Err(why) => refused.push(why),
@@ -165,6 +170,10 @@ fn open_place(port: &str, baud: u32) -> Result<Box<dyn Port>> {
         let stream = robot.with_context(|| format!("{port} has ended"))?.connect()?;
         return with_limits(stream, PATIENCE);
     }
+    ensure!(
+        !Path::new(port).is_file(),
+        "{port}: a file, but no record (.mcap), and no serial port"
+    );
     open_port(port, plain(baud), PATIENCE)
 }
 

@@ -206,7 +206,9 @@ fn changes(wanted: &[String], robot: &Robot<'_>) -> Result<Vec<(usize, Request)>
         let value: f32 =
             value.parse().with_context(|| format!("`{change}`: `{value}` is no number"))?;
         let split = name.rsplit_once('.');
-        let (label, name) = split.with_context(|| format!("`{change}`: no motor is named"))?;
+        let (label, name) = split.with_context(|| {
+            format!("`{change}`: only gains and limits of motors can be replayed, MOTOR.NAME=VALUE")
+        })?;
         let line = robot.description().motor_called(label)?;
         let Some(tuning) = &mut tunings[line] else {
             bail!("`{change}`: the loops of `{label}` run in its device");
