@@ -81,14 +81,14 @@ fn the_keyboard_drives_a_robot_that_begins_disarmed() {
     is_driving(&page);
     // STOP while the key is held: it stops, and the stick is in the middle until the key is pressed anew.
     page.keys(" ");
-    page.until(&format!("{ARM} === 'EStopped'"));
+    page.until(&format!("{ARM} === 'Stopped'"));
     is_standing(&page);
     assert_eq!(page.look("return moving.remote.at[1]"), json!(0));
     page.hold("w", "keyUp");
     // Its own rule: the switch goes through where it disarms.
     page.keys("e");
     page.pass(0.4);
-    assert_eq!(page.look(ARM), json!("EStopped"));
+    assert_eq!(page.look(ARM), json!("Stopped"));
     page.keys("cc");
     page.until(&format!("{ARM} === 'Disarmed'"));
     page.keys("e");

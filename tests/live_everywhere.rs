@@ -221,9 +221,9 @@ fn a_phone_watches_and_stops_and_no_more() {
         assert_eq!(ask(wish.clone()), json!("from another device only STOP"), "{wish}");
     }
     let before = page.look("return document.querySelector('#arm').textContent");
-    assert_ne!(before, json!("EStopped"));
+    assert_ne!(before, json!("Stopped"));
     page.look("document.querySelector('#stop').click()");
-    page.until("return document.querySelector('#arm').textContent === 'EStopped'");
+    page.until("return document.querySelector('#arm').textContent === 'Stopped'");
     // Without the key, or with another.
     let (host, key) = url.trim_end_matches('/').rsplit_once('/').unwrap();
     let wrong =

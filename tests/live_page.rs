@@ -104,7 +104,7 @@ fn a_test_day(name: &str, source: &[&OsStr]) {
     page.look("document.querySelector('#search').focus()");
     page.keys("\u{E00C}");
     assert!(is_pressed());
-    page.until("return document.querySelector('#arm').textContent === 'EStopped'");
+    page.until("return document.querySelector('#arm').textContent === 'Stopped'");
     page.until("return document.querySelector('#stop').textContent.startsWith('STOP')");
     // The space bar, on a box too.
     page.look("pressed.stop = null; document.querySelector('#tree input').focus()");
@@ -234,7 +234,7 @@ fn another_site_in_the_browser_does_nothing() {
     browser.until("return document.querySelector('#arm').textContent === 'Armed'");
     // Here it can be done.
     browser.look("document.querySelector('#stop').click()");
-    browser.until("return document.querySelector('#arm').textContent === 'EStopped'");
+    browser.until("return document.querySelector('#arm').textContent === 'Stopped'");
 }
 
 #[test]

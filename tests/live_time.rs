@@ -149,7 +149,7 @@ fn the_past_of_a_robot_is_scrubbed_played_and_led_to() {
     page.until("return marks(view()).some(([, what]) => what.includes('lost'))");
     // The space bar stops the robot, whatever plays.
     page.keys(" ");
-    page.until("return document.querySelector('#arm').textContent === 'EStopped'");
+    page.until("return document.querySelector('#arm').textContent === 'Stopped'");
 }
 
 #[test]

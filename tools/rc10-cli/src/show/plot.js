@@ -72,7 +72,9 @@ const Plot = (() => {
     ticks(from, to, (box.right - box.left) / 60).forEach(([time, words]) => {
       stroke(pen, [[x(time), box.bottom], [x(time), box.bottom + 4]], style("muted"));
       pen.fillStyle = style("muted");
-      text(pen, words, x(time), box.bottom + 7, "center", "top");
+      // The last one is not cut at the edge.
+      const most = pen.canvas.clientWidth - pen.measureText(words).width / 2 - 1;
+      text(pen, words, Math.min(x(time), most), box.bottom + 7, "center", "top");
     });
     if (named) text(pen, "time / s", box.right, box.bottom + 20, "right", "top");
   };

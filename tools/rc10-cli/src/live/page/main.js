@@ -11,7 +11,7 @@ async function refresh() {
   if (state.note !== noted.text) noted = { text: state.note, at: performance.now() };
   say('note', state.stays || performance.now() - noted.at < 10000 ? state.note : '');
   const arm = named('', 'arm');
-  $('arm').textContent = arm; $('arm').className = 'pill ' + arm;
+  $('arm').textContent = arm === 'EStopped' ? 'Stopped' : arm; $('arm').className = 'pill ' + arm;
   const stick = named('', 'not_at_rest');
   say('rest', stick === '–' || stick === 'all' ? '' : 'Not armed: ' + stick + ' is not at rest. Put it there and arm again.');
   show();

@@ -44,6 +44,13 @@ async function jog(motor, speed) {
 }
 window.addEventListener('blur', () => { held = null; });
 
+// What target and measured number of a motor are in: without a target its speed is measured.
+const UNITS = { Current: ' A', Torque: ' N m', Duty: '', Angle: '°', TotalAngle: '°', Impedance: '°', Motion: '°', Brake: ' A', Handbrake: ' A' };
+function unitOf(label, isTarget) {
+  const kind = named(label, 'target_kind');
+  return UNITS[kind] === undefined || (kind === 'Duty' && !isTarget) ? ' rpm' : UNITS[kind];
+}
+
 function tables() {
   // Rows stay, because a button may be held.
   const motors = $('motors');
@@ -68,7 +75,7 @@ function tables() {
     row.cells[2].textContent = named(label, 'drive');
     if (row.onclick) row.cells[0].firstChild.setAttribute('aria-expanded', label === tuned);
     row.cells[0].className = state.parameters.some((it) => it.label === label && !same(it.value, it.initial)) ? 'changed' : '';
-    ['target', 'measured', 'current', 'temperature'].forEach((name, at) => { row.cells[3 + at].textContent = number(value(label, name)); });
+    ['target', 'measured', 'current', 'temperature'].forEach((name, at) => { const it = value(label, name); row.cells[3 + at].textContent = number(it === null ? it : +it.toFixed(Math.abs(it) < 10 ? 2 : 1)) + (at < 2 && it !== null ? unitOf(label, at === 0) : ''); });
     // Without a drive it follows no target: what is left of one is no number to read.
     if (!['Run', 'Hold'].includes(named(label, 'drive'))) row.cells[3].textContent = '–';
   });
