@@ -203,7 +203,7 @@ fn a_match_is_fetched_from_the_flash_and_replayed() {
     let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
     let home = Home::new("reach-match");
     let elf = format!("{firmware}-dm-mc02-black-box");
-    let (_live, page) = home.keep_of(&["--emu", &elf, "--fault", "cut-power@4s..4.1s"]);
+    let (_live, page) = home.keep_of(&["--emu", &elf, "--script", "--fault", "cut-power@4s..4.1s"]);
     until("whole", || state(page)["whole"] == true);
     let file = home.0.join("match.bin").display().to_string();
     let fetch = |which: &str| {

@@ -367,7 +367,10 @@ pub fn record<N>(ports: PortsOf<'static, N>) {
     });
     HELD.store(held, Ordering::Relaxed);
     if held > 0 {
-        defmt::info!("what happened before the crash is kept until the robot was armed {=u32} times", held);
+        defmt::info!(
+            "what happened before the crash is kept until the robot was armed {=u32} times",
+            held
+        );
     }
     for (place, port) in (0..).zip(ports.buses) {
         port.record(&BlackBox, place);

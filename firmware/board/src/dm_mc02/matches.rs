@@ -86,9 +86,7 @@ impl Flash for Pages<'_> {
 pub(super) async fn keep(memory: MemoryParts, switch: &ArmSwitch) {
     let (octospi, select, clock, data_0, data_1, data_2, data_3) = memory;
     let mut flash = W25q64::start(|config| {
-        Ospi::new_blocking_quadspi(
-            octospi, clock, data_0, data_1, data_2, data_3, select, config,
-        )
+        Ospi::new_blocking_quadspi(octospi, clock, data_0, data_1, data_2, data_3, select, config)
     });
     let mut ticker = Ticker::every(LOOK);
     let mut left = PATIENCE;
