@@ -136,7 +136,12 @@ fn a_flash_has_minutes_of_the_teams_robot() {
 
 /// Armed from the first second on; sticks that move.
 fn drives(second: u64) -> Controls {
-    let way = [0.5, -0.4, 0.8, 0.0][second as usize % 4];
-    let left = Stick { x: 0.2, y: way };
+    let y = match second % 4 {
+        0 => 0.5,
+        1 => -0.4,
+        2 => 0.8,
+        _ => 0.0,
+    };
+    let left = Stick { x: 0.2, y };
     Controls { left, ..Controls::REST }
 }
