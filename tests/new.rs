@@ -187,7 +187,7 @@ fn what_cannot_be_is_refused_and_leaves_nothing() {
         ("Demo", "is no name"),
         ("9lives", "is no name"),
         ("a b", "is no name"),
-        ("../up", "is no name"),
+        ("../up", "is a path: the robot's name alone"),
         ("-x", "unexpected argument"),
         ("a--b", "is no name"),
         ("", "is no name"),

@@ -146,7 +146,7 @@ fn the_plan_tells_what_fits_and_adds_motors_that_are_thought_of() {
         ("4:M3508", "the robot has no bus 4"),
         ("1:M3509", "there is no motor `M3509`"),
         ("1:M3508@300", "no feedback rate of 300 Hz: it is one of 1000, 500, 250, 125"),
-        ("1:M3508*0", "at least one"),
+        ("1:M3508*0", "N is 1 to 255"),
     ] {
         let (is_fine, error) = plan(&["--add", wrong]);
         assert!(!is_fine && error.contains(says), "{wrong}: {error}");

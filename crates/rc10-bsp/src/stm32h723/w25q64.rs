@@ -1,6 +1,7 @@
 //! A W25Q64JV at OCTOSPI1: a serial flash of 8 MiB (data sheet, revision I).
 //!
 //! One data line: the four of it need a bit that not every variant has set, and 5 MB/s are more than is asked for.
+#![expect(clippy::cast_possible_truncation, reason = "numbers of bytes below 8 MiB")]
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -109,7 +110,11 @@ unsafe impl Sync for Place {}
 
 impl Place {
     /// An empty one.
-    pub const NEW: Self = Self { is_taken: AtomicBool::new(false), flash: UnsafeCell::new(None) };
+    #[must_use]
+    #[expect(clippy::new_without_default, reason = "it is for a static")]
+    pub const fn new() -> Self {
+        Self { is_taken: AtomicBool::new(false), flash: UnsafeCell::new(None) }
+    }
 
     /// Does something with what is there; `None`: another has it.
     pub fn with<R>(&self, work: impl FnOnce(&mut Option<W25q64>) -> R) -> Option<R> {

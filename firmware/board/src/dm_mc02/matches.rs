@@ -1,4 +1,5 @@
 //! Matches in the board's serial flash, which stay without power: `docs/replay.md`.
+#![expect(clippy::cast_possible_truncation, reason = "numbers of bytes below 9 MiB")]
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -29,7 +30,7 @@ pub(super) type MemoryParts = (
     Peri<'static, PA1>,
 );
 
-static FLASH: Place = Place::NEW;
+static FLASH: Place = Place::new();
 /// Number of the next page, and of the newest match, once they are known.
 static NEXT: [AtomicU32; 2] = [const { AtomicU32::new(u32::MAX) }; 2];
 
