@@ -79,7 +79,7 @@ pub struct Entry<C> {
     pub most_age: Option<Micros>,
 }
 
-/// The largest speed of a jog that a declaration may allow: somebody stands beside the robot.
+/// The largest speed of a jog that a declaration may allow: a person stands beside the robot.
 pub const MOST_JOG: Rpm = Rpm::new(300.0);
 
 /// How many times the gains of a motor's declaration a PC may set, unless the declaration says so.

@@ -30,14 +30,14 @@ const ENABLE_WRITE: u8 = 0x06;
 const PROGRAM: u8 = 0x02;
 const ERASE_64_KIB: u8 = 0xD8;
 
-/// The flash. What it does not do shows in its content.
+/// The flash. Its commands have no answer: one that was not carried out is seen when the page is read.
 pub struct W25q64(Ospi<'static, OCTOSPI1, Blocking>);
 
 impl W25q64 {
     /// With what `new` makes of this configuration: the four data lines are there, so that the two that are not used stand
     /// still.
     pub fn start(new: impl FnOnce(Config) -> Ospi<'static, OCTOSPI1, Blocking>) -> Self {
-        // Its driver looks at the peripheral before it has a clock.
+        // embassy-stm32's driver reads its registers before it gives it a clock.
         pac::RCC.ahb3enr().modify(|w| w.set_octospi1en(true));
         let config = Config {
             memory_type: MemoryType::Standard,
@@ -98,8 +98,8 @@ fn command(instruction: u8, address: Option<u32>, has_data: bool) -> TransferCon
     }
 }
 
-/// A place for the one flash of a program, which tasks of any priority share: the one that comes while another has it
-/// does without.
+/// A place for the one flash of a program, which tasks of any priority share: one that finds it in use gets nothing, and
+/// does not wait.
 pub struct Place {
     is_taken: AtomicBool,
     flash: UnsafeCell<Option<W25q64>>,

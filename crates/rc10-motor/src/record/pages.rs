@@ -192,7 +192,7 @@ impl Keeper {
             return;
         }
         if is_last {
-            // A one behind its end.
+            // The highest bit that is one marks the end, which is before it.
             page[HEAD + left / 32] &= (1 << (left % 32)) - 1;
             page[HEAD + left / 32] |= 1 << (left % 32);
             page[HEAD + left / 32 + 1..].fill(0);

@@ -115,8 +115,10 @@ fn ring(session: &mut Session<'_>, ended: &AtomicBool) -> Result<Fetched> {
 /// The match so many from the newest, which is 1.
 fn kept_match(session: &mut Session<'_>, back: u16, ended: &AtomicBool) -> Result<Fetched> {
     let numbers = fetch(session, RING, 1, ended)?;
-    let [next, newest] = [0, 4].map(|at| numbers.get(at..at + 4).and_then(|it| it.try_into().ok()));
-    let (next, newest) = (next.map_or(0, u32::from_le_bytes), newest.map_or(0, u32::from_le_bytes));
+    let [next, newest] = [0, 4].map(|at| {
+        let word = numbers.get(at..at + 4).and_then(|it| it.try_into().ok());
+        word.map_or(0, u32::from_le_bytes)
+    });
     ensure!(
         next < u32::MAX - ERASED,
         "its flash is searched in the first seconds after a start: again; or it does not answer: its log says so"

@@ -136,7 +136,7 @@ impl RunningArgs {
         let (mut open, mut refused) = (Vec::new(), Vec::new());
         let places = self.places()?;
         if self.port.is_none() {
-            // They open, and nobody answers there for ever.
+            // A built-in port opens without a robot behind it, and its refusal would hide that no robot was reached.
             likely(places.clone())?;
         }
         for place in places {

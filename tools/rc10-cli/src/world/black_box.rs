@@ -75,7 +75,7 @@ impl BlackBox {
         let ends = blocks.iter().skip(1).chain(blocks.last()).map(|it| it.before);
         for (block, end) in blocks.iter().zip(ends) {
             let Block { number, before, bits, length } = block;
-            // Others would have a say in which is the newest; zeros would be one of number 0.
+            // The reader finds the newest by the others that are there; zeros would be a block of number 0.
             it.memory.fill(u32::MAX);
             ring::put_block(&mut it.memory, *number, [*before, end], bits, *length);
             words.extend(it.news());
