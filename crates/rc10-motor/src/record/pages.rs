@@ -37,6 +37,13 @@ const AFTER: Micros = Micros::from_millis(2_000);
 /// A page.
 pub type Page = [u32; PAGE];
 
+/// The page that these bytes are.
+#[must_use]
+pub fn page_of(bytes: &[u8; 4 * PAGE]) -> Page {
+    let words = bytes.as_chunks().0;
+    core::array::from_fn(|at| u32::from_le_bytes(words[at]))
+}
+
 /// A flash of pages. A programmed page has all its bits; what is erased has ones.
 pub trait Flash {
     /// Whether the operation before is not done yet: then it takes no other.

@@ -9,7 +9,7 @@ use embassy_stm32::peripherals::{OCTOSPI1, PA1, PA3, PB0, PB2, PD11, PE11};
 use embassy_time::{Duration, Ticker};
 use rc10_bsp::black_box::{RC10_BLACK_BOX, WORDS};
 use rc10_bsp::w25q64::{BYTES, PAGE, Place, W25q64};
-use rc10_motor::record::pages::{Flash, Keeper, Page};
+use rc10_motor::record::pages::{Flash, Keeper, Page, page_of};
 use rc10_motor::record::ring;
 use rc10_motor::{ArmState, ArmSwitch};
 use rc10_tasks::live::{BlackBox, PIECE};
@@ -67,8 +67,7 @@ impl Flash for Pages<'_> {
     fn read(&mut self, page: u32) -> Page {
         let mut bytes = [0; PAGE];
         self.0.read(page * PAGE as u32, &mut bytes);
-        let words = bytes.as_chunks().0;
-        core::array::from_fn(|at| u32::from_le_bytes(words[at]))
+        page_of(&bytes)
     }
 
     fn program(&mut self, page: u32, content: &Page) {

@@ -1,7 +1,7 @@
 //! The black box of a chip, as it lies in its memory: [`rc10_motor::record::ring`]; and matches in its board's flash:
 //! [`rc10_motor::record::pages`].
 
-use rc10_motor::record::pages::{HEAD, Head, PAGE, PAGES, Page};
+use rc10_motor::record::pages::{HEAD, Head, PAGE, PAGES, Page, page_of};
 use rc10_motor::record::ring::{self, Memory, Reader, WORDS};
 
 /// The symbol of the program.
@@ -15,8 +15,7 @@ pub(crate) const PAGE_BYTES: usize = 4 * PAGE;
 /// The pages in a copy of a flash or of a part of it that are whole, and what they say of themselves.
 pub(crate) fn pages(bytes: &[u8]) -> impl Iterator<Item = (Head, Page, &[u8; PAGE_BYTES])> {
     bytes.as_chunks::<PAGE_BYTES>().0.iter().filter_map(|bytes| {
-        let words = bytes.as_chunks().0;
-        let page = core::array::from_fn(|at| u32::from_le_bytes(words[at]));
+        let page = page_of(bytes);
         Some((Head::of(&page, page[1] % PAGES)?, page, bytes))
     })
 }
